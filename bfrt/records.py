@@ -1,0 +1,116 @@
+"""Every record that touches disk or crosses a phase, declared once.
+
+All are little-endian and packed. ``records.pxd`` has the C twins; ``tests/test_records.py`` holds
+the two together. Positions and directions are float64, because all arithmetic is; geometry and
+boxes on disk are what DESIGN's byte counts allow.
+
+===========  =====  ==========================================================================
+record       bytes  what it is
+===========  =====  ==========================================================================
+RAY             72  a ray in flight: origin, direction, nearest hit so far, where its walk is
+PATH            24  what a ray is for: film element, sample, weight, kind
+QUEUED          72  a ray that waits in a queue, on disk where memory ends
+HIT             88  an intersection that waits for shading
+CANDIDATE        8  voxel (30 bits), ray (21), face (3): a ray stored in a voxel
+MATERIAL        32  a material of the palette
+===========  =====  ==========================================================================
+"""
+
+from __future__ import annotations
+
+import enum
+
+import numpy as np
+
+
+class Kind(enum.IntEnum):
+    """The primitive kinds, in the order of object ids."""
+
+    SPHERE = 0
+    CONE = 1
+    TRIANGLE = 2
+    PATCH = 3
+    POLYGON = 4
+
+    @property
+    def label(self) -> str:
+        return self.name.lower()
+
+
+class RayKind(enum.IntEnum):
+    """Why a ray was sent."""
+
+    EYE = 0
+    REFLECTION = 1
+    REFRACTION = 2
+    SHADOW = 3
+
+
+#: Coordinates of one record; a polygon's is one vertex.
+SCALARS = {Kind.SPHERE: 4, Kind.CONE: 8, Kind.TRIANGLE: 9, Kind.PATCH: 18, Kind.POLYGON: 3}
+
+_LINE = [(name, "<f8") for name in ("ox", "oy", "oz", "dx", "dy", "dz")]
+_PATH = [
+    ("pixel", "<u4"),
+    ("sample", "<u4"),
+    ("red", "<f4"),
+    ("green", "<f4"),
+    ("blue", "<f4"),
+    ("kind", "<u4"),
+]
+
+RAY = np.dtype(
+    [
+        *_LINE,
+        ("t", "<f8"),
+        ("id", "<u8"),
+        ("voxel", "<u4"),
+        ("face", "u1"),
+        ("kind", "u1"),
+        ("unused", "<u2"),
+    ]
+)
+PATH = np.dtype(_PATH)
+QUEUED = np.dtype(_LINE + _PATH)
+HIT = np.dtype([*_LINE, ("t", "<f8"), ("id", "<u8"), *_PATH])
+MATERIAL = np.dtype(
+    [
+        ("red", "<f4"),
+        ("green", "<f4"),
+        ("blue", "<f4"),
+        ("kd", "<f4"),
+        ("ks", "<f4"),
+        ("shine", "<f4"),
+        ("transmittance", "<f4"),
+        ("ior", "<f4"),
+    ]
+)
+
+RAY_BYTES = 72
+PATH_BYTES = 24
+QUEUED_BYTES = 72
+HIT_BYTES = 88
+CANDIDATE_BYTES = 8
+MATERIAL_BYTES = 32
+BOX_BYTES = 24
+OFFSET_BYTES = 4  # a polygon's end, counted in vertices
+FILM_BYTES = 32  # four 64-bit sums: R G B A
+AOV_BYTES = 24  # Z, N, 64-bit id
+
+VOXEL_BITS = 30
+RAY_BITS = 21
+FACE_BITS = 3
+
+#: An id is stream << 48 | index, a stream is group * 5 + kind.
+INDEX_BITS = 48
+NO_HIT = (1 << 64) - 1
+
+for _dtype, _bytes in (
+    (RAY, RAY_BYTES),
+    (PATH, PATH_BYTES),
+    (QUEUED, QUEUED_BYTES),
+    (HIT, HIT_BYTES),
+    (MATERIAL, MATERIAL_BYTES),
+):
+    if _dtype.itemsize != _bytes:
+        raise TypeError(f"{_dtype} has {_dtype.itemsize} bytes, not {_bytes}")

@@ -1,0 +1,64 @@
+"""Build switches of the compiled core, all of them.
+
+``BFRT_BUILD=release`` (the default), ``debug`` (bounds and overflow checks, assertions) or
+``sanitize`` (AddressSanitizer and UndefinedBehaviorSanitizer; run it under ``LD_PRELOAD`` of
+libasan, as docs/building.rst shows).
+"""
+
+import os
+from pathlib import Path
+
+from Cython.Compiler import Errors
+from setuptools import Extension, setup
+
+BUILD = os.environ.get("BFRT_BUILD", "release")
+
+# The same picture on every machine: no fused multiply-add, no fast-math. The two -fno options
+# change no value: nobody reads errno or the floating-point flags.
+EXACT = ["-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+FLAGS = {
+    "release": ["-O3"],
+    "debug": ["-O1", "-g"],
+    "sanitize": ["-O1", "-g", "-fsanitize=address,undefined", "-fno-omit-frame-pointer"],
+}[BUILD]
+LINK = ["-fsanitize=address,undefined"] if BUILD == "sanitize" else []
+CHECKED = BUILD == "debug"
+DIRECTIVES = {
+    "language_level": 3,
+    "boundscheck": CHECKED,
+    "wraparound": False,
+    "initializedcheck": CHECKED,
+    "cdivision": True,
+    "freethreading_compatible": True,
+}
+
+
+def refuse_performance_hint(position, message, env):
+    """A hint means that a loop takes the GIL unasked, so it fails the build."""
+    Errors.error(position, message)
+
+
+Errors.performance_hint = refuse_performance_hint  # before the compiler's other modules load
+from Cython.Build import cythonize  # noqa: E402
+
+
+def extension(source):
+    module = ".".join(source.with_suffix("").parts)
+    return Extension(
+        module,
+        [str(source)],
+        extra_compile_args=FLAGS + EXACT,
+        extra_link_args=LINK,
+        define_macros=[("CYTHON_USE_PEP489_MULTI_PHASE_INIT", "1")],
+    )
+
+
+setup(
+    ext_modules=cythonize(
+        [extension(source) for source in sorted(Path("bfrt").rglob("*.pyx"))],
+        build_dir="build/cython",
+        compiler_directives=DIRECTIVES,
+        nthreads=os.cpu_count() or 1,
+    ),
+    options={"build_ext": {"parallel": os.cpu_count() or 1}},
+)
