@@ -1,0 +1,167 @@
+"""The memory budget: bytes become capacities here, before anything runs.
+
+A budget is a promise about the whole process. What a render needs whatever happens (`BASELINE`,
+the film, read buffers, materials) is taken off it, the grid gets its part of the rest, and rays,
+candidates, hits and queues share what is left. Nothing grows after that; what does not fit waits
+in spools.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from bfrt.errors import BudgetError, SettingError
+from bfrt.records import (
+    AOV_BYTES,
+    CANDIDATE_BYTES,
+    FILM_BYTES,
+    HIT_BYTES,
+    MATERIAL_BYTES,
+    PATH_BYTES,
+    QUEUED_BYTES,
+    RAY_BITS,
+    RAY_BYTES,
+    VOXEL_BITS,
+)
+from bfrt.scene.store import Store
+
+UNITS = {"": 1, "B": 1}
+for _power, _letter in enumerate("KMGT", 1):
+    UNITS[_letter + "B"] = UNITS[_letter.lower() + "B"] = 1000**_power
+    UNITS[_letter + "iB"] = 1024**_power
+
+#: Interpreter, NumPy, OpenEXR, our code and stacks (measured: 44 MiB), and the allocator's slack.
+BASELINE = 52 << 20
+
+#: Bytes of one read buffer; a worker has up to four a stream.
+READ_BUFFER = 1 << 18
+
+#: Bytes that a band of image rows takes while it is written, encoders' copies included.
+IMAGE_BAND = 4 << 20
+
+#: A voxel: its mark, where its rays begin, and its share of the occupancy pyramid.
+VOXEL_BYTES = 1 + 4 + 1 / 32
+
+#: The fewest rays in flight that are worth a sweep over the objects.
+FEWEST_RAYS = 4096
+
+#: A candidate slot each, four of which a ray gets at the least.
+CANDIDATES_A_RAY = 4
+
+#: A hit in the shading phase: itself, its sorted copy, its id and its place in the order.
+SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
+
+#: In flight: the ray, what it is for, and its candidates.
+FLYING_BYTES = RAY_BYTES + PATH_BYTES + CANDIDATES_A_RAY * CANDIDATE_BYTES
+
+#: Of what a budget leaves: the grid at the most, and of the rest, rays in flight.
+GRID_PART = 0.25
+FLYING_PART = 0.45
+
+
+def parse_memory(text: str | int) -> int:
+    """Bytes of ``"256MiB"``, ``"1.5 GB"`` or a number; MiB is 2^20, MB 10^6.
+
+    Raises
+    ------
+    SettingError
+        If it is not an amount of memory.
+    """
+    if isinstance(text, int):
+        return text
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]*)\s*", text)
+    if match is None or match[2] not in UNITS:
+        raise SettingError(f"memory: found {text!r}, expected an amount such as 256MiB or 1.5GB")
+    return int(float(match[1]) * UNITS[match[2]])
+
+
+def format_memory(amount: int) -> str:
+    """An amount as people write it, rounded up to MiB."""
+    return f"{-(-amount // (1 << 20))}MiB"
+
+
+def default_memory() -> int:
+    """A quarter of the machine's memory, or of its cgroup's limit where that is less."""
+    machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    limits = [machine]
+    for file in ("memory.max", "memory/memory.limit_in_bytes"):
+        path = Path("/sys/fs/cgroup") / file
+        if path.exists() and (text := path.read_text().strip()).isdigit():
+            limits.append(int(text))
+    return min(limits) // 4
+
+
+@dataclass(frozen=True)
+class Capacities:
+    """What a budget holds."""
+
+    memory: int
+    voxels: int
+    rays: int
+    candidates: int
+    hits: int
+    queue: int
+    read_buffer: int
+    threads: int
+
+
+def frame_bytes(width: int, height: int, samples: int) -> int:
+    """The film, and the finished image that is made of it."""
+    corners = samples == 0
+    elements = (width + corners) * (height + corners)
+    return elements * (FILM_BYTES + AOV_BYTES) + IMAGE_BAND
+
+
+def fixed_bytes(store: Store, width: int, height: int, samples: int, threads: int) -> int:
+    """What a render takes whatever the budget is, without rays and grid."""
+    largest = max((s.stride * s.largest for s in store.streams), default=0)
+    buffers = len(store.streams) * threads * (READ_BUFFER * 9 // 4 + largest)
+    outgoing = threads * emit_room(len(store.lights)) * QUEUED_BYTES
+    palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
+    frame = frame_bytes(width, height, samples)
+    return BASELINE + frame + buffers + outgoing + palette
+
+
+def emit_room(lights: int) -> int:
+    """Rays that a worker gathers while it shades: a thousand, or a few hits' worth."""
+    return max(1024, 4 * (lights + 2))
+
+
+def capacities(
+    store: Store, width: int, height: int, samples: int, memory: int, threads: int
+) -> Capacities:
+    """Divide a budget.
+
+    Raises
+    ------
+    BudgetError
+        If it is less than the least that works; the message names that.
+    """
+    fixed = fixed_bytes(store, width, height, samples, threads)
+    least = fixed + int(
+        FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 64 * VOXEL_BYTES
+    )
+    if memory < least:
+        raise BudgetError(
+            f"memory: found {format_memory(memory)}, expected {format_memory(least)} or more "
+            f"for {width} x {height} pixels of this scene with {threads} threads"
+        )
+    left = memory - fixed
+    voxels = int(min(left * GRID_PART / VOXEL_BYTES, 1 << VOXEL_BITS))
+    objects = max(group.gridded for group in store.groups)
+    left -= int(min(voxels, 2 * objects + 64) * VOXEL_BYTES)
+    rays = min(int(left * FLYING_PART / FLYING_BYTES), 1 << RAY_BITS)
+    others = (left - rays * FLYING_BYTES) // 2
+    return Capacities(
+        memory=memory,
+        voxels=voxels,
+        rays=rays,
+        candidates=CANDIDATES_A_RAY * rays,
+        hits=min(others // (SHADED_HIT_BYTES + HIT_BYTES), 1 << RAY_BITS),
+        queue=others // (2 * QUEUED_BYTES),
+        read_buffer=READ_BUFFER,
+        threads=threads,
+    )

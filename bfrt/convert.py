@@ -1,0 +1,122 @@
+"""Scene files in, scene stores out: which reader reads what."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from bfrt.errors import SettingError
+from bfrt.scene.model import Camera
+from bfrt.scene.nff import read_nff
+from bfrt.scene.store import HEADER, Store, open_store
+from bfrt.scene.writer import SceneWriter
+from bfrt.spd import scene as spd_scene
+
+SUFFIXES = (".nff",)
+
+#: Called with the bytes of input that are done.
+Report = Callable[[int], None]
+
+
+def is_store(source: str | os.PathLike[str]) -> bool:
+    """Whether a path is (or was meant to be) a scene store."""
+    path = Path(source)
+    return (path / HEADER).exists() or path.suffix == ".bfrt" or path.is_dir()
+
+
+def convert(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    dtype: Any = "float32",
+    progress: Report | None = None,
+) -> Store:
+    """Convert a scene file to a scene store, streaming.
+
+    Parameters
+    ----------
+    source : path-like
+        An NFF file, "-" for NFF from standard input, or ``spd:NAME:SIZE`` for a standard scene.
+    target : path-like
+        The store to make. One that is there is replaced when the new one is complete.
+    dtype : {"float32", "float64"}
+        What geometry is stored as.
+    progress : callable, optional
+        Called with the bytes read so far.
+
+    Returns
+    -------
+    Store
+        The new store, opened.
+
+    Raises
+    ------
+    SceneError
+        If the file is no scene: one line with file, line, what was found and expected. Nothing
+        is left behind.
+    SettingError
+        If no reader knows the file's suffix.
+    """
+    name = os.fspath(source)
+    with SceneWriter(target, dtype=dtype, origin=(0.0, 0.0, 0.0)) as writer:
+        if name.startswith("spd:"):
+            parse_spd(name).feed(writer)
+        elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
+            read_nff(name, writer, progress=progress)
+        else:
+            raise SettingError(
+                f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(SUFFIXES)}, "
+                "spd:NAME:SIZE, or - for NFF from standard input"
+            )
+    return open_store(target)
+
+
+def parse_spd(name: str) -> Any:
+    """The scene that ``spd:NAME:SIZE`` names."""
+    _, _, rest = name.partition(":")
+    scene, _, size = rest.partition(":")
+    if not size.isdigit():
+        raise SettingError(f"{name}: found size {size!r}, expected spd:NAME:SIZE, as spd:rings:7")
+    return spd_scene(scene, int(size))
+
+
+class _View:
+    """Keeps the camera of an NFF file, and nothing else."""
+
+    def __init__(self) -> None:
+        self.found: Camera | None = None
+
+    def camera(self, camera: Camera) -> None:
+        self.found = camera
+
+    def light(self, light: object) -> None:
+        """A view has no lights."""
+
+    def background(self, color: object) -> None:
+        """Nor a background."""
+
+    def material(self, material: object) -> int:
+        return 0
+
+    def append(self, kind: object, records: object, materials: object) -> None:
+        """Objects are passed over."""
+
+    def append_polygons(self, vertices: object, counts: object, materials: object) -> None:
+        """Polygons too."""
+
+
+def read_view(path: str | os.PathLike[str]) -> Camera:
+    """The camera of an NFF file, of which only the ``v`` is needed.
+
+    Raises
+    ------
+    SettingError
+        If it has none.
+    """
+    view = _View()
+    read_nff(path, view)
+    if view.found is None:
+        raise SettingError(f"{os.fspath(path)}: found no view, expected a v with its fields")
+    return view.found

@@ -1,0 +1,82 @@
+"""Bounding boxes: float32 and rounded outwards on disk, float64 when they are met.
+
+A box without a point (lo > hi) belongs to a degenerate object, which nothing ever meets.
+"""
+
+from libc.math cimport nextafterf, INFINITY
+
+from bfrt.geometry.vector cimport Line, Vec
+
+cdef packed struct Box:
+    float lo[3]
+    float hi[3]
+
+cdef struct Span:
+    double near
+    double far
+
+
+cdef inline float below(double x) noexcept nogil:
+    """The largest float32 that is not above x."""
+    cdef float f = <float>x
+    return nextafterf(f, -INFINITY) if <double>f > x else f
+
+
+cdef inline float above(double x) noexcept nogil:
+    """The smallest float32 that is not below x."""
+    cdef float f = <float>x
+    return nextafterf(f, INFINITY) if <double>f < x else f
+
+
+cdef inline void box_clear(Box* b) noexcept nogil:
+    cdef int k
+    for k in range(3):
+        b.lo[k] = INFINITY
+        b.hi[k] = -INFINITY
+
+
+cdef inline bint box_empty(const Box* b) noexcept nogil:
+    return b.lo[0] > b.hi[0]
+
+
+cdef inline void box_axis(Box* b, int k, double x) noexcept nogil:
+    """Take the coordinate x of axis k into the box, rounded outwards."""
+    cdef float lo = below(x)
+    cdef float hi = above(x)
+    if lo < b.lo[k]:
+        b.lo[k] = lo
+    if hi > b.hi[k]:
+        b.hi[k] = hi
+
+
+cdef inline void box_point(Box* b, Vec p) noexcept nogil:
+    box_axis(b, 0, p.x)
+    box_axis(b, 1, p.y)
+    box_axis(b, 2, p.z)
+
+
+cdef inline bint slab_axis(double lo, double hi, double o, double inv, Span* s) noexcept nogil:
+    """Narrow the span of t to lo <= o + t d <= hi on one axis (rules 2 and 4)."""
+    cdef double a, b
+    if inv == 0.0:
+        return lo <= o <= hi
+    a = (lo - o) * inv
+    b = (hi - o) * inv
+    if inv < 0.0:
+        a, b = b, a
+    if a > s.near:
+        s.near = a
+    if b < s.far:
+        s.far = b
+    return s.near <= s.far
+
+
+cdef inline bint box_span(const Box* b, double grow, const Line* r, Span* s) noexcept nogil:
+    """Where the line, from t = 0 on, is inside the box grown by `grow`; false for nowhere."""
+    s.near = 0.0
+    s.far = INFINITY
+    return (
+        slab_axis(b.lo[0] - grow, b.hi[0] + grow, r.o.x, r.inv.x, s)
+        and slab_axis(b.lo[1] - grow, b.hi[1] + grow, r.o.y, r.inv.y, s)
+        and slab_axis(b.lo[2] - grow, b.hi[2] + grow, r.o.z, r.inv.z, s)
+    )

@@ -1,0 +1,217 @@
+"""The uniform grid and the walk of a ray through it (DESIGN section 4, exactness rules 2 to 7).
+
+::
+
+    face of entry, in the ray's own words        voxel index
+      LOW  + axis: moving up, by the low face      x + nx (y + ny z)
+      HIGH + axis: moving down, by the high face
+      START: the walk begins inside
+
+Voxel planes are one table an axis. Crossings are computed from the index each time, so that a
+walk resumed from (voxel, face) goes on exactly as if it had never stopped.
+"""
+
+from libc.math cimport INFINITY
+from libc.stdint cimport uint32_t, uint64_t
+
+from bfrt.geometry.box cimport Box, Span, slab_axis
+from bfrt.geometry.vector cimport Line
+
+cdef enum:
+    LOW = 0
+    HIGH = 3
+    START = 6
+
+cdef enum:
+    NOWHERE = 0xFFFFFFFF  # a voxel that is none: the walk has left the grid
+
+cdef struct Grid:
+    int n[3]
+    const double* plane[3]  # n + 1 of them an axis, ascending
+    double inverse[3]       # voxels per length
+    double grow             # d: 2^-30 of the diagonal of the scene's bounds
+
+cdef struct Range:
+    int lo[3]
+    int hi[3]  # inclusive
+
+# The walk's axes are arrays, because a step picks one.
+cdef struct Walk:
+    const Grid* grid
+    double o[3]
+    double inv[3]
+    double exit[3]  # t where the ray leaves the voxel on each axis
+    int at[3]
+    int step[3]
+    uint32_t voxel
+    int face
+    double enter    # t where the ray came into the voxel
+    int stride[3]
+
+
+cdef inline int locate(const Grid* g, int k, double x) noexcept nogil:
+    """The voxel of axis k that holds x, by the table; clamped to the grid."""
+    cdef const double* plane = g.plane[k]
+    cdef int last = g.n[k] - 1
+    cdef double guess = (x - plane[0]) * g.inverse[k]
+    cdef int i = 0
+    if guess >= last:
+        i = last
+    elif guess > 0.0:
+        i = <int>guess
+    while i > 0 and plane[i] > x:
+        i -= 1
+    while i < last and plane[i + 1] <= x:
+        i += 1
+    return i
+
+
+cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil:
+    """The voxels of the box grown by 2d (rule 3)."""
+    cdef int k
+    for k in range(3):
+        r.lo[k] = locate(g, k, b.lo[k] - 2.0 * g.grow)
+        r.hi[k] = locate(g, k, b.hi[k] + 2.0 * g.grow)
+
+
+cdef inline double crossing(const Walk* w, int k, int plane) noexcept nogil:
+    return (w.grid.plane[k][plane] - w.o[k]) * w.inv[k]
+
+
+cdef inline double axis_enter(const Walk* w, int k) noexcept nogil:
+    """Where the ray comes into its voxel's layer of axis k."""
+    if w.step[k] == 0:
+        return -INFINITY
+    return crossing(w, k, w.at[k] + (w.step[k] < 0))
+
+
+cdef inline double axis_exit(const Walk* w, int k) noexcept nogil:
+    if w.step[k] == 0:
+        return INFINITY
+    return crossing(w, k, w.at[k] + (w.step[k] > 0))
+
+
+cdef inline void walk_line(Walk* w, const Grid* g, const Line* l) noexcept nogil:
+    cdef int k
+    w.grid = g
+    w.o[0] = l.o.x
+    w.o[1] = l.o.y
+    w.o[2] = l.o.z
+    w.inv[0] = l.inv.x
+    w.inv[1] = l.inv.y
+    w.inv[2] = l.inv.z
+    w.stride[0] = 1
+    w.stride[1] = g.n[0]
+    w.stride[2] = g.n[0] * g.n[1]
+    for k in range(3):
+        w.step[k] = (w.inv[k] > 0.0) - (w.inv[k] < 0.0)
+
+
+cdef inline void walk_settle(Walk* w) noexcept nogil:
+    """Derive the voxel's number and the exits from `at`."""
+    cdef int k
+    w.voxel = 0
+    for k in range(3):
+        w.voxel += <uint32_t>(w.at[k] * w.stride[k])
+        w.exit[k] = axis_exit(w, k)
+
+
+cdef inline int entry_axis(const Walk* w, double start) noexcept nogil:
+    """The axis by whose border plane the ray comes into the grid at t = start, or -1."""
+    cdef int k
+    for k in range(3):
+        if w.step[k] > 0 and w.at[k] == 0 and axis_enter(w, k) == start:
+            return k
+        if w.step[k] < 0 and w.at[k] == w.grid.n[k] - 1 and axis_enter(w, k) == start:
+            return k
+    return -1
+
+
+cdef inline bint walk_start(Walk* w, const Grid* g, const Line* l) noexcept nogil:
+    """Begin where the ray, from t = 0 on, first meets the grid; false if it never does.
+
+    The voxel is corrected until its crossings bracket the start (rule 5). A ray that comes in
+    from outside enters by a border face, where every box that holds the voxel begins: so the
+    voxel's marks for that face tell whether it is a candidate, as for any later one. (The design
+    makes each start a candidate; only those inside the grid have to be.)
+    """
+    cdef Span s
+    cdef int k
+    cdef double d[3]
+    s.near = 0.0
+    s.far = INFINITY
+    walk_line(w, g, l)
+    for k in range(3):
+        if not slab_axis(g.plane[k][0], g.plane[k][g.n[k]], w.o[k], w.inv[k], &s):
+            return False
+    d[0] = l.d.x
+    d[1] = l.d.y
+    d[2] = l.d.z
+    for k in range(3):
+        w.at[k] = locate(g, k, w.o[k] + s.near * d[k] if w.step[k] != 0 else w.o[k])
+        while axis_enter(w, k) > s.near and 0 <= w.at[k] - w.step[k] < g.n[k]:
+            w.at[k] -= w.step[k]
+        while axis_exit(w, k) < s.near and 0 <= w.at[k] + w.step[k] < g.n[k]:
+            w.at[k] += w.step[k]
+    walk_settle(w)
+    w.enter = s.near
+    w.face = START
+    k = entry_axis(w, s.near) if s.near > 0.0 else -1
+    if k >= 0:
+        w.face = (LOW if w.step[k] > 0 else HIGH) + k
+    return True
+
+
+cdef inline void walk_resume(Walk* w, const Grid* g, const Line* l, uint32_t voxel,
+                             int face) noexcept nogil:
+    """Take up a walk again from its state (rule 7). A start is taken up as at t = 0."""
+    cdef int k
+    walk_line(w, g, l)
+    w.at[0] = voxel % g.n[0]
+    w.at[1] = (voxel // g.n[0]) % g.n[1]
+    w.at[2] = voxel // (g.n[0] * g.n[1])
+    walk_settle(w)
+    w.face = face
+    w.enter = 0.0
+    if face != START:
+        w.enter = axis_enter(w, face % 3)
+
+
+cdef inline bint walk_step(Walk* w) noexcept nogil:
+    """On to the next voxel; false when the ray leaves the grid."""
+    cdef int k = 0
+    if w.exit[1] < w.exit[k]:
+        k = 1
+    if w.exit[2] < w.exit[k]:
+        k = 2
+    if w.step[k] == 0:
+        return False
+    w.enter = w.exit[k]
+    w.at[k] += w.step[k]
+    if not 0 <= w.at[k] < w.grid.n[k]:
+        return False
+    w.face = (LOW if w.step[k] > 0 else HIGH) + k
+    w.voxel += w.step[k] * w.stride[k]
+    w.exit[k] = axis_exit(w, k)
+    return True
+
+
+cdef inline uint64_t voxel_count(const Grid* g) noexcept nogil:
+    return <uint64_t>g.n[0] * g.n[1] * g.n[2]
+
+
+cdef inline bint begins_here(const Range* r, int face, int x, int y, int z) noexcept nogil:
+    """Whether the range begins at this voxel for a ray that came by this face."""
+    if face == LOW:
+        return x == r.lo[0]
+    if face == HIGH:
+        return x == r.hi[0]
+    if face == LOW + 1:
+        return y == r.lo[1]
+    if face == HIGH + 1:
+        return y == r.hi[1]
+    if face == LOW + 2:
+        return z == r.lo[2]
+    if face == HIGH + 2:
+        return z == r.hi[2]
+    return True

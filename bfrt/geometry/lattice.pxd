@@ -1,0 +1,10 @@
+"""The grid as Python holds it."""
+
+from bfrt.geometry.grid cimport Grid
+
+
+cdef class Lattice:
+    cdef Grid grid
+    cdef readonly object planes
+    cdef readonly tuple shape
+    cdef readonly double grow

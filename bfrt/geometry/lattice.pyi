@@ -1,0 +1,20 @@
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+class Lattice:
+    planes: list[NDArray[np.float64]]
+    shape: tuple[int, int, int]
+    grow: float
+    def __init__(
+        self, lo: ArrayLike, hi: ArrayLike, shape: Sequence[int], grow: float
+    ) -> None: ...
+    @property
+    def voxels(self) -> int: ...
+    def range_of(
+        self, box: ArrayLike
+    ) -> tuple[tuple[int, int, int], tuple[int, int, int]]: ...
+    def walk(
+        self, origin: ArrayLike, direction: ArrayLike, voxel: int = ..., face: int = ...
+    ) -> list[tuple[int, int, float]]: ...

@@ -1,0 +1,82 @@
+"""Voxel planes of a grid, and walks through it as tests and tools see them."""
+
+cimport cython
+from libc.stdint cimport uint32_t
+
+import numpy as np
+
+from bfrt.geometry.box cimport Box
+from bfrt.geometry.grid cimport (
+    NOWHERE, Range, Walk, box_range, walk_resume, walk_start, walk_step,
+)
+from bfrt.geometry.vector cimport Line, line, vec
+
+
+@cython.final
+cdef class Lattice:
+    """A uniform grid of nx x ny x nz voxels.
+
+    Parameters
+    ----------
+    lo, hi : sequence of 3 float
+        Bounds of the objects' boxes, relative to the store's origin. The grid reaches a little
+        further: over all boxes grown by 2 d (exactness rule 5).
+    shape : tuple of 3 int
+        Voxels on each axis.
+    grow : float
+        d, the length by which boxes grow when a ray meets them.
+    """
+
+    def __cinit__(self, lo, hi, shape, double grow):
+        cdef const double[::1] planes
+        cdef int k
+        cdef double first, last
+        self.shape = tuple(shape)
+        self.grow = grow
+        self.planes = []
+        self.grid.grow = grow
+        for k in range(3):
+            first = lo[k] - 4.0 * grow
+            last = hi[k] + 4.0 * grow
+            table = first + (last - first) * (np.arange(shape[k] + 1) / shape[k])
+            table[-1] = last
+            table.flags.writeable = False
+            planes = table
+            self.planes.append(table)
+            self.grid.n[k] = shape[k]
+            self.grid.plane[k] = &planes[0]
+            self.grid.inverse[k] = shape[k] / (last - first)
+
+    @property
+    def voxels(self):
+        """How many there are."""
+        return self.shape[0] * self.shape[1] * self.shape[2]
+
+    def range_of(self, box):
+        """The voxels (lo, hi), inclusive, of a float32 box (6,)."""
+        cdef Box b
+        cdef Range r
+        cdef int k
+        for k in range(3):
+            b.lo[k] = box[k]
+            b.hi[k] = box[3 + k]
+        box_range(&self.grid, &b, &r)
+        return (r.lo[0], r.lo[1], r.lo[2]), (r.hi[0], r.hi[1], r.hi[2])
+
+    def walk(self, origin, direction, uint32_t voxel=NOWHERE, int face=0):
+        """The voxels on a ray's way: a list of (voxel, face, t of entry).
+
+        With `voxel` and `face` the walk is taken up there, as from a stored state.
+        """
+        cdef Walk w
+        cdef Line l = line(
+            vec(origin[0], origin[1], origin[2]), vec(direction[0], direction[1], direction[2])
+        )
+        if voxel != NOWHERE:
+            walk_resume(&w, &self.grid, &l, voxel, face)
+        elif not walk_start(&w, &self.grid, &l):
+            return []
+        way = [(w.voxel, w.face, w.enter)]
+        while walk_step(&w):
+            way.append((w.voxel, w.face, w.enter))
+        return way

@@ -1,0 +1,116 @@
+"""Any of the five kinds: the one switch over them, taken per object, never per ray."""
+
+from libc.stdint cimport uint32_t
+
+from bfrt.geometry.box cimport Box, Span
+from bfrt.geometry.cone cimport Cone, cone_bounds, cone_hit, cone_load, cone_normal
+from bfrt.geometry.coordinates cimport Frame
+from bfrt.geometry.patch cimport Patch, patch_load, patch_normal
+from bfrt.geometry.polygon cimport Polygon, polygon_bounds, polygon_hit, polygon_load
+from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_hit, sphere_load, sphere_normal
+from bfrt.geometry.triangle cimport (
+    Barycentric, Triangle, triangle_bounds, triangle_cut, triangle_hit, triangle_load,
+    triangle_normal,
+)
+from bfrt.geometry.vector cimport Line, Vec, along
+from bfrt.records cimport CONE, PATCH, SPHERE, TRIANGLE
+
+cdef union AnyKind:
+    Sphere sphere
+    Cone cone
+    Triangle triangle
+    Patch patch
+    Polygon polygon
+
+cdef struct Shape:
+    int kind
+    AnyKind of
+
+# What a hit shows: the normal of the surface, the normal that shading uses, barycentric uv.
+cdef struct Surface:
+    Vec geometric
+    Vec shading
+    Barycentric uv
+
+# A line that met an object's box, with its span there; `mark` is the caller's name for it, and
+# t is the hit, or -1.
+cdef struct Meeting:
+    Line line
+    Span span
+    double t
+    uint32_t mark
+
+ctypedef bint (*Hitter)(const void*, const Line*, const Span*, double*) noexcept nogil
+
+
+cdef inline bint shape_load(int kind, const unsigned char* record, uint32_t count,
+                            const Frame* f, Shape* s) noexcept nogil:
+    """Read a record of `count` vertices (polygons only); false if it is degenerate."""
+    s.kind = kind
+    if kind == SPHERE:
+        return sphere_load(record, f, &s.of.sphere)
+    if kind == CONE:
+        return cone_load(record, f, &s.of.cone)
+    if kind == TRIANGLE:
+        return triangle_load(record, f, &s.of.triangle)
+    if kind == PATCH:
+        return patch_load(record, f, &s.of.patch)
+    return polygon_load(record, count, f, &s.of.polygon)
+
+
+cdef inline void shape_bounds(const Shape* s, Box* b) noexcept nogil:
+    if s.kind == SPHERE:
+        sphere_bounds(&s.of.sphere, b)
+    elif s.kind == CONE:
+        cone_bounds(&s.of.cone, b)
+    elif s.kind == TRIANGLE:
+        triangle_bounds(&s.of.triangle, b)
+    elif s.kind == PATCH:
+        triangle_bounds(&s.of.patch.face, b)
+    else:
+        polygon_bounds(&s.of.polygon, b)
+
+
+cdef inline void meet(Hitter hit, const void* shape, Meeting* meetings, int n) noexcept nogil:
+    """One kernel over a run of meetings; the compiler makes one loop for each kernel."""
+    cdef int i
+    for i in range(n):
+        if not hit(shape, &meetings[i].line, &meetings[i].span, &meetings[i].t):
+            meetings[i].t = -1.0
+
+
+cdef inline void shape_meet(const Shape* s, Meeting* meetings, int n) noexcept nogil:
+    """Find the hit of each meeting: the nearest in its span, or -1."""
+    if s.kind == SPHERE:
+        meet(<Hitter>sphere_hit, &s.of.sphere, meetings, n)
+    elif s.kind == CONE:
+        meet(<Hitter>cone_hit, &s.of.cone, meetings, n)
+    elif s.kind == TRIANGLE:
+        meet(<Hitter>triangle_hit, &s.of.triangle, meetings, n)
+    elif s.kind == PATCH:
+        meet(<Hitter>triangle_hit, &s.of.patch.face, meetings, n)
+    else:
+        meet(<Hitter>polygon_hit, &s.of.polygon, meetings, n)
+
+
+cdef inline void shape_surface(const Shape* s, const Line* l, double t,
+                               Surface* out) noexcept nogil:
+    """The surface where the line has hit at t."""
+    cdef Vec p = along(l.o, l.d, t)
+    cdef double again
+    out.uv.u = out.uv.v = 0.0
+    if s.kind == SPHERE:
+        out.geometric = sphere_normal(&s.of.sphere, p)
+    elif s.kind == CONE:
+        out.geometric = cone_normal(&s.of.cone, p)
+    elif s.kind == TRIANGLE:
+        triangle_cut(&s.of.triangle, l, &again, &out.uv)
+        out.geometric = triangle_normal(&s.of.triangle)
+    elif s.kind == PATCH:
+        triangle_cut(&s.of.patch.face, l, &again, &out.uv)
+        out.geometric = triangle_normal(&s.of.patch.face)
+    else:
+        out.geometric = s.of.polygon.normal
+    out.shading = out.geometric
+    if s.kind == PATCH:
+        out.shading = patch_normal(&s.of.patch, &out.uv)

@@ -1,0 +1,64 @@
+"""Sphere: center and radius. A negative radius turns the normal inwards."""
+
+from libc.math cimport fabs, sqrt
+
+from bfrt.geometry.box cimport Box, Span, box_axis, box_clear
+from bfrt.geometry.coordinates cimport Frame, number, point
+from bfrt.geometry.vector cimport Line, Vec, along, dot, scale, sub
+
+cdef struct Sphere:
+    Vec c
+    double r
+
+
+cdef inline bint sphere_load(const unsigned char* record, const Frame* f, Sphere* s) noexcept nogil:
+    """Read a record; false if it is degenerate."""
+    s.c = point(record, 0, f)
+    s.r = number(record, 3, f.wide)
+    return s.r != 0.0
+
+
+cdef inline void sphere_bounds(const Sphere* s, Box* b) noexcept nogil:
+    cdef double r = fabs(s.r)
+    box_clear(b)
+    box_axis(b, 0, s.c.x - r)
+    box_axis(b, 0, s.c.x + r)
+    box_axis(b, 1, s.c.y - r)
+    box_axis(b, 1, s.c.y + r)
+    box_axis(b, 2, s.c.z - r)
+    box_axis(b, 2, s.c.z + r)
+
+
+cdef inline bint sphere_hit(const Sphere* s, const Line* l, const Span* span,
+                            double* t) noexcept nogil:
+    """The smallest root in the span.
+
+    The discriminant is taken at the closest approach to the center, not as b^2 - 4ac, which
+    cancels for a small sphere far away (Haines et al., Ray Tracing Gems, chapter 7). The product
+    of the roots then gives the one that subtraction would spoil.
+    """
+    cdef Vec co = sub(l.o, s.c)
+    cdef double a = dot(l.d, l.d)
+    cdef double b = -dot(co, l.d)
+    cdef Vec nearest = along(co, l.d, b / a)
+    cdef double disc = s.r * s.r - dot(nearest, nearest)
+    cdef double q, near, far, root
+    if not disc >= 0.0:
+        return False
+    root = sqrt(disc * a)
+    q = b + root if b >= 0.0 else b - root
+    near = (dot(co, co) - s.r * s.r) / q if q != 0.0 else 0.0
+    far = q / a
+    if near > far:
+        near, far = far, near
+    if near > 0.0 and span.near <= near <= span.far:
+        t[0] = near
+        return True
+    if far > 0.0 and span.near <= far <= span.far:
+        t[0] = far
+        return True
+    return False
+
+
+cdef inline Vec sphere_normal(const Sphere* s, Vec p) noexcept nogil:
+    return scale(sub(p, s.c), 1.0 / s.r)

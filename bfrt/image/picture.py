@@ -1,0 +1,173 @@
+"""The picture that a render returns."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bfrt.errors import SettingError
+from bfrt.image.exr import write_exr
+from bfrt.image.png import encode_png, write_png
+from bfrt.stats import Stats
+from bfrt.streams.aside import aside, put
+
+SUFFIXES = (".exr", ".png", ".npy")
+BAND_BYTES = 1 << 24
+
+
+class Image:
+    """A picture in memory: color, and what the first sample of each pixel met.
+
+    Parameters
+    ----------
+    channels : dict of str to ndarray, shape (height, width)
+        R G B A, linear float32; and as far as they were asked for: Z (inf on a miss), N.X N.Y N.Z
+        float32, id.lo id.hi uint32 (the halves of the 64-bit object id, both 0xFFFFFFFF on a
+        miss). The arrays are kept, not copied.
+    metadata : dict of str to str
+        The scene and the settings that change the picture.
+    stats : bfrt.stats.Stats, optional
+        What the render counted. Not part of any file.
+
+    Raises
+    ------
+    SettingError
+        If a color channel is missing, or shapes or types are others than these.
+    """
+
+    def __init__(
+        self,
+        channels: Mapping[str, npt.NDArray[Any]],
+        metadata: Mapping[str, str] | None = None,
+        stats: Stats | None = None,
+    ) -> None:
+        self.channels = dict(channels)
+        self.metadata = dict(metadata or {})
+        self.stats = stats
+        _check_channels(self.channels)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width in pixels."""
+        height, width = self.channels["R"].shape
+        return height, width
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self.shape[0]
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return self.shape[1]
+
+    @property
+    def rgb(self) -> npt.NDArray[np.float32]:
+        """Linear color, a new array of shape (height, width, 3)."""
+        return np.stack([self.channels[name] for name in "RGB"], axis=-1)
+
+    @property
+    def rgba(self) -> npt.NDArray[np.float32]:
+        """Linear color and alpha, a new array of shape (height, width, 4)."""
+        return np.stack([self.channels[name] for name in "RGBA"], axis=-1)
+
+    @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """The 64-bit object ids, shape (height, width); `bfrt.records.NO_HIT` on a miss."""
+        if "id.lo" not in self.channels:
+            raise SettingError(
+                f"image: found channels {' '.join(self.channels)}, expected id.lo and id.hi"
+            )
+        ids = self.channels["id.hi"].astype(np.uint64) << np.uint64(32)
+        ids |= self.channels["id.lo"]
+        return ids
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        if copy is False:
+            raise ValueError("image: an array of it is always a copy, found copy=False")
+        return self.rgba.astype(np.float32 if dtype is None else dtype, copy=False)
+
+    def save(self, path: str | os.PathLike[str], *, half: bool = False) -> None:
+        """Write the picture to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The suffix decides: ``.exr`` keeps every channel and the metadata, ``.png`` is clipped
+            8-bit sRGB without alpha, ``.npy`` is `rgba`.
+        half : bool
+            Store color and alpha in 16 bits, clamped to +-65504; only for ``.exr``.
+
+        Raises
+        ------
+        SettingError
+            If the suffix is another, or `half` is asked of a format that has none.
+        StreamError
+            If the system refuses a write; `DiskFullError` where it has no room.
+        """
+        suffix = Path(path).suffix.lower()
+        if suffix not in SUFFIXES:
+            raise SettingError(
+                f"{path}: found suffix {suffix!r}, expected one of {', '.join(SUFFIXES)}"
+            )
+        if half and suffix != ".exr":
+            raise SettingError(f"{path}: found half=True for {suffix}, expected it only for .exr")
+        if suffix == ".exr":
+            write_exr(path, self.width, self.height, self._bands(), self.metadata, half=half)
+        elif suffix == ".png":
+            write_png(path, self.width, self.height, self._bands())
+        else:
+            self._write_npy(path)
+
+    def _write_npy(self, path: str | os.PathLike[str]) -> None:
+        layout = {"descr": "<f4", "fortran_order": False, "shape": (*self.shape, 4)}
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(header, layout)
+        with aside(path) as temporary, temporary.open("wb", buffering=0) as file:
+            put(file, header.getvalue(), path)
+            for band in self._bands():
+                pixels = np.stack([band[name] for name in "RGBA"], axis=-1)
+                put(file, pixels.astype("<f4", copy=False).tobytes(), path)
+
+    def _bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
+        """The channels by bands of rows, so that a copy of a band is all that saving takes."""
+        step = max(1, BAND_BYTES // (4 * self.width * len(self.channels)))
+        for row in range(0, self.height, step):
+            yield {name: pixels[row : row + step] for name, pixels in self.channels.items()}
+
+    def _repr_png_(self) -> bytes:
+        return b"".join(encode_png(self.width, self.height, self._bands()))
+
+    def __repr__(self) -> str:
+        said = "".join(f", {key}={text!r}" for key, text in self.metadata.items())
+        return f"<bfrt.Image {self.width} x {self.height}, {' '.join(self.channels)}{said}>"
+
+
+def _check_channels(channels: Mapping[str, npt.NDArray[Any]]) -> None:
+    missing = [name for name in "RGBA" if name not in channels]
+    if missing:
+        raise SettingError(
+            f"image: found channels {' '.join(channels) or 'none'}, expected also "
+            f"{' '.join(missing)}"
+        )
+    if ("id.lo" in channels) != ("id.hi" in channels):
+        raise SettingError("image: found one of id.lo and id.hi, expected both or neither")
+    shape = channels["R"].shape
+    if len(shape) != 2 or 0 in shape:
+        raise SettingError(f"image: R: found shape {shape}, expected (height, width)")
+    for name, pixels in channels.items():
+        wanted = np.dtype(np.uint32 if name.startswith("id.") else np.float32)
+        if pixels.shape != shape or pixels.dtype != wanted:
+            raise SettingError(
+                f"image: {name}: found {pixels.dtype} of shape {pixels.shape}, "
+                f"expected {wanted} of shape {shape}"
+            )

@@ -1,0 +1,17 @@
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.geometry.lattice import Lattice
+from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.scene.sweep import Sweep
+
+def intersect(
+    sweep: Sweep,
+    n: int,
+    lattice: Lattice,
+    voxel_rays: VoxelRays,
+    rays: NDArray[Any],
+    locks: NDArray[np.uint8],
+) -> tuple[int, int]: ...

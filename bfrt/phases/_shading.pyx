@@ -1,0 +1,233 @@
+"""The shading loop: local color, and the rays that go on from a hit."""
+
+cimport cython
+from libc.math cimport fabs, sqrt
+from libc.stdint cimport int64_t, uint32_t, uint64_t
+
+from bfrt.errors import StoreError
+from bfrt.geometry.box cimport Box
+from bfrt.geometry.power cimport power
+from bfrt.geometry.shape cimport Shape, Surface, shape_bounds, shape_load, shape_surface
+from bfrt.geometry.vector cimport (
+    Line, Vec, add, along, dot, largest, length, line, scale, sub, unit, vec,
+)
+from bfrt.image.film cimport Film, film_add
+from bfrt.records cimport (
+    EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
+)
+from bfrt.scene.sweep cimport Sweep
+
+cdef struct Bent:
+    bint total   # total internal reflection: there is no refracted ray
+    Vec d
+
+
+cdef inline Vec reflected(Vec d, Vec n) noexcept nogil:
+    return along(d, n, -2.0 * dot(d, n))
+
+
+cdef inline Bent refracted(Vec d, Vec n, double eta) noexcept nogil:
+    """Snell's law for unit d and n with d.n <= 0; eta is the index before over that behind."""
+    cdef Bent b
+    cdef double cosine = -dot(d, n)
+    cdef double k = 1.0 - eta * eta * (1.0 - cosine * cosine)
+    b.total = k < 0.0
+    b.d = vec(0.0, 0.0, 0.0)
+    if not b.total:
+        b.d = add(scale(d, eta), scale(n, eta * cosine - sqrt(k)))
+    return b
+
+
+cdef inline double hit_error(const Line* l, double t, Vec p, const Box* b) noexcept nogil:
+    """How far a computed hit may be from its surface, with some room.
+
+    Every kernel works on sums of the ray's origin, its way and the object's coordinates, and
+    errs by a few units in the last place of the largest; after the idea of error bounds in pbrt
+    (Pharr, Jakob and Humphreys, chapter 3.9), in float64, where one bound serves all kinds.
+    """
+    cdef double reach = largest(l.o) + fabs(t) * largest(l.d) + largest(p)
+    cdef int k
+    for k in range(3):
+        reach += fabs(b.lo[k]) + fabs(b.hi[k])
+    return reach * (1.0 / 17592186044416.0)  # 2^-44
+
+
+@cython.final
+cdef class Shader:
+    """What shading needs of the scene, and one worker's outgoing rays.
+
+    Parameters
+    ----------
+    palette : (materials,) records.MATERIAL
+    lights : (lights, 6) float64
+        Position relative to the store's origin, and color times intensity.
+    ambient : float
+        Intensity of the ambient light.
+    eye : (3,) float64
+        Where Z is measured from.
+    film : Film
+    out : (room,) records.QUEUED
+        A buffer; at least lights + 2.
+    emit : callable
+        Called with a part of `out` when it is full; must copy.
+    """
+
+    cdef const Material[::1] palette
+    cdef const double[:, ::1] lights
+    cdef double ambient
+    cdef Vec eye
+    cdef Film film
+    cdef Queued[::1] out
+    cdef object rays
+    cdef object emit
+    cdef int64_t waiting
+    cdef readonly int64_t reflection
+    cdef readonly int64_t refraction
+    cdef readonly int64_t shadow
+
+    def __cinit__(self, const Material[::1] palette, const double[:, ::1] lights, double ambient,
+                  eye, Film film, out, emit):
+        self.palette = palette
+        self.lights = lights
+        self.ambient = ambient
+        self.eye = vec(eye[0], eye[1], eye[2])
+        self.film = film
+        self.out = self.rays = out
+        self.emit = emit
+
+    def shade(self, Sweep sweep, int64_t n, const Hit[::1] hits, bint last):
+        """Shade the hits of the next n objects of a sweep.
+
+        Parameters
+        ----------
+        hits : (hits,) records.HIT
+            IN. Ascending by id, all among those objects.
+        last : bool
+            The maximum depth is reached: shadow rays only.
+        """
+        cdef int64_t i, at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
+        cdef uint64_t id = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
+        cdef Shape shape
+        cdef Box box
+        with nogil:
+            for i in range(n):
+                sweep.advance()
+                sweep.advance_material()
+                if at == hits.shape[0] or hits[at].id != id + <uint64_t>i:
+                    continue
+                if sweep.material >= self.palette.shape[0]:
+                    with gil:
+                        raise StoreError(
+                            f"{sweep.tapes[0].path}: object {sweep.index - 1}: found material "
+                            f"{sweep.material}, expected one of {len(self.palette)}"
+                        )
+                shape_load(sweep.kind, sweep.record, sweep.count, &sweep.frame, &shape)
+                shape_bounds(&shape, &box)
+                while at < hits.shape[0] and hits[at].id == id + <uint64_t>i:
+                    if self.waiting > room:
+                        with gil:
+                            self.flush()
+                    self.shade_hit(
+                        &hits[at], &shape, &box, &self.palette[sweep.material], last
+                    )
+                    at += 1
+
+    def flush(self):
+        """Hand over the rays that wait."""
+        if self.waiting:
+            self.emit(self.rays[:self.waiting])
+            self.waiting = 0
+
+    cdef void shade_hit(self, const Hit* h, const Shape* shape, const Box* box,
+                        const Material* m, bint last) noexcept nogil:
+        cdef Line l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
+        cdef Vec d = unit(l.d)
+        cdef Vec p = along(l.o, l.d, h.t)
+        cdef Vec offset, seen
+        cdef Surface s
+        cdef bint outside
+        cdef int64_t k
+        shape_surface(shape, &l, h.t, &s)
+        seen = s.shading
+        # Two-sided: both normals are turned to the ray, the shading one to the other's side.
+        outside = dot(s.geometric, d) < 0.0
+        if not outside:
+            s.geometric = scale(s.geometric, -1.0)
+        if dot(s.shading, s.geometric) < 0.0:
+            s.shading = scale(s.shading, -1.0)
+        if h.kind == EYE:
+            self.see(h, p, seen)
+        film_add(
+            self.film, h.pixel, self.ambient * m.kd * m.red * h.red,
+            self.ambient * m.kd * m.green * h.green, self.ambient * m.kd * m.blue * h.blue,
+            h.kind == EYE,
+        )
+        offset = scale(s.geometric, hit_error(&l, h.t, p, box))
+        for k in range(self.lights.shape[0]):
+            self.light(h, &s, d, add(p, offset), m, &self.lights[k, 0])
+        if not last and (m.ks > 0.0 or m.transmittance > 0.0):
+            self.go_on(h, &s, d, p, offset, m, outside)
+
+    cdef void see(self, const Hit* h, Vec p, Vec n) noexcept nogil:
+        """Keep what sample 0 sees."""
+        cdef float* seen = &self.film.depth_normal[h.pixel, 0]
+        if h.sample:
+            return
+        seen[0] = <float>length(sub(p, self.eye))
+        seen[1], seen[2], seen[3] = <float>n.x, <float>n.y, <float>n.z
+        self.film.ids[h.pixel] = h.id
+
+    cdef void light(self, const Hit* h, const Surface* s, Vec d, Vec o, const Material* m,
+                    const double* light) noexcept nogil:
+        """Send a shadow ray that carries what the light adds: Lambert and Phong.
+
+        There is none where the surface faces away from the light (SPD's rule 10).
+        """
+        cdef Vec way = sub(vec(light[0], light[1], light[2]), o)
+        cdef Vec to
+        cdef double diffuse, specular
+        if not (dot(way, s.geometric) > 0.0 and dot(way, s.shading) > 0.0):
+            return
+        to = unit(way)
+        diffuse = m.kd * dot(to, s.shading)
+        specular = m.ks * power(dot(reflected(d, s.shading), to), m.shine) if m.ks > 0.0 else 0.0
+        self.send(
+            SHADOW, h, o, way,
+            light[3] * (diffuse * m.red + specular) * h.red,
+            light[4] * (diffuse * m.green + specular) * h.green,
+            light[5] * (diffuse * m.blue + specular) * h.blue,
+        )
+        self.shadow += 1
+
+    cdef void go_on(self, const Hit* h, const Surface* s, Vec d, Vec p, Vec offset,
+                    const Material* m, bint outside) noexcept nogil:
+        """Reflection, and refraction where the material transmits (SPD's rules 8 and 9)."""
+        cdef Vec r = reflected(d, s.shading)
+        cdef double weight = m.ks
+        cdef double ior = m.ior if m.ior > 0.0 else 1.0
+        cdef Bent b
+        if m.transmittance > 0.0:
+            b = refracted(d, s.shading, 1.0 / ior if outside else ior)
+            if b.total:
+                weight += m.transmittance
+            else:
+                self.send(
+                    REFRACTION, h, sub(p, offset), b.d, m.transmittance * h.red,
+                    m.transmittance * h.green, m.transmittance * h.blue,
+                )
+                self.refraction += 1
+        if dot(r, s.geometric) <= 0.0:  # an interpolated normal would send it into the surface
+            r = reflected(d, s.geometric)
+        self.send(
+            REFLECTION, h, add(p, offset), r, weight * h.red, weight * h.green, weight * h.blue
+        )
+        self.reflection += 1
+
+    cdef void send(self, uint32_t kind, const Hit* h, Vec o, Vec d, double red, double green,
+                   double blue) noexcept nogil:
+        cdef Queued* q = &self.out[self.waiting]
+        q.ox, q.oy, q.oz = o.x, o.y, o.z
+        q.dx, q.dy, q.dz = d.x, d.y, d.z
+        q.pixel, q.sample, q.kind = h.pixel, h.sample, kind
+        q.red, q.green, q.blue = <float>red, <float>green, <float>blue
+        self.waiting += 1

@@ -1,0 +1,88 @@
+"""Eye rays as a queue: the first depth's, made as they are taken."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.phases._eye import eye_rays
+from bfrt.records import QUEUED
+from bfrt.scene.model import Camera, cross
+from bfrt.scene.store import Store
+
+
+class EyeRays:
+    """All eye rays of a view, in the order of pixels and samples.
+
+    Parameters
+    ----------
+    samples : int
+        A pixel, stratified: in a lattice that has one sample in each of `samples` rows and
+        columns, moved by a hash of the pixel. 0 is SPD's procedure: one ray at each pixel corner,
+        so (width + 1) (height + 1), the outermost at half the angle.
+    """
+
+    def __init__(self, store: Store, camera: Camera, samples: int) -> None:
+        self._width, self._height = camera.resolution
+        self._samples = samples
+        self._view = view_vectors(camera, store.origin)
+        self._turn = coprime_turn(samples)
+        empty = store.bounds.empty
+        bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
+        self._bounds = bounds
+        self._taken = 0
+        if samples == 0:
+            self._total = (self._width + 1) * (self._height + 1)
+        else:
+            self._total = self._width * self._height * samples
+
+    def __len__(self) -> int:
+        return self._total - self._taken
+
+    def read(self, most: int) -> NDArray[Any]:
+        """The next rays, (n,) of records.QUEUED with n <= most."""
+        rays = np.empty(min(most, len(self)), QUEUED)
+        eye_rays(
+            self._taken,
+            rays,
+            self._view,
+            self._width,
+            self._height,
+            self._samples,
+            self._turn,
+            self._bounds,
+        )
+        self._taken += len(rays)
+        return rays
+
+
+def view_vectors(camera: Camera, origin: tuple[float, ...]) -> NDArray[np.float64]:
+    """Eye, forward, and from the image's center to its right and upper edges, (4, 3).
+
+    The one place where trigonometry is done: once a view.
+    """
+    eye = np.array(camera.eye)
+    forward = np.array(camera.at) - eye
+    forward /= np.sqrt((forward * forward).sum())
+    right = np.array(cross(tuple(forward), camera.up))
+    right /= np.sqrt((right * right).sum())
+    up = np.array(cross(tuple(right), tuple(forward)))
+    half = math.tan(math.radians(camera.angle) / 2)
+    aspect = camera.resolution[0] / camera.resolution[1]
+    return np.stack([eye - np.array(origin), forward, right * (half * aspect), up * half])
+
+
+def coprime_turn(samples: int) -> int:
+    """The step nearest to samples / golden ratio that visits every row once."""
+    if samples < 2:
+        return 1
+    best = round(samples * (math.sqrt(5) - 1) / 2)
+    return next(
+        turn
+        for off in range(samples)
+        for turn in (best - off, best + off)
+        if turn > 0 and math.gcd(turn, samples) == 1
+    )

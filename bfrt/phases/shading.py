@@ -1,0 +1,108 @@
+"""Shading: hits in the order of their objects, and the rays that go on from them.
+
+The paper's ``shading()``: intersections that fill memory are sorted by object identifier, and one
+sweep over the objects meets them in order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.budget import Capacities, emit_room
+from bfrt.image.film import Film
+from bfrt.phases._shading import Shader
+from bfrt.records import INDEX_BITS, QUEUED
+from bfrt.scene.objects import Objects
+from bfrt.scene.store import Store
+from bfrt.scene.sweep import Sweep
+from bfrt.stats import Counters
+from bfrt.streams.spool import Spool
+
+
+def light_intensity(lights: int) -> float:
+    """sqrt(n) / (2 n), for each of n lights and for the ambient one: the SPD text's formula."""
+    return math.sqrt(lights) / (2 * lights) if lights else 1.0
+
+
+class Shading:
+    """The shading phase of a render.
+
+    Parameters
+    ----------
+    eye : (3,) float64
+        Relative to the store's origin.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        film: Film,
+        eye: NDArray[np.float64],
+        capacities: Capacities,
+    ) -> None:
+        self._capacity = capacities.hits
+        self._ambient = light_intensity(len(store.lights))
+        self._palette = store.materials()
+        origin = np.array(store.origin)
+        self._lights = np.array(
+            [
+                (*(np.array(light.position) - origin), *(self._ambient * np.array(light.color)))
+                for light in store.lights
+            ]
+        ).reshape(-1, 6)
+        self._film = film
+        self._eye = eye
+        self._out = np.empty((capacities.threads, emit_room(len(store.lights))), QUEUED)
+
+    def shade(
+        self, objects: Objects, hits: Spool, queue: Spool, last: bool, counters: Counters
+    ) -> None:
+        """Shade all hits; the rays of the next depth go to `queue`."""
+        while len(hits):
+            chunk = self._gather(hits)
+            chunk = chunk[np.argsort(chunk["id"])]
+            self._sweep(objects, chunk, queue.append, last, counters)
+
+    def _gather(self, hits: Spool) -> NDArray[Any]:
+        """Hits that fill memory."""
+        parts = []
+        room = self._capacity
+        while len(hits) and room:
+            parts.append(hits.read(room))
+            room -= len(parts[-1])
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _sweep(
+        self,
+        objects: Objects,
+        hits: NDArray[Any],
+        emit: Callable[[NDArray[Any]], None],
+        last_depth: bool,
+        counters: Counters,
+    ) -> None:
+        ids = np.ascontiguousarray(hits["id"])
+        shaders = [
+            Shader(
+                self._palette, self._lights, self._ambient, self._eye, self._film, out, emit
+            )
+            for out in self._out
+        ]
+
+        def loop(worker: int, sweep: Sweep, first: int, last: int) -> None:
+            sweep.material_window(first, last)
+            stream = sweep.number << INDEX_BITS
+            a, b = np.searchsorted(ids, np.array([stream + first, stream + last], np.uint64))
+            shaders[worker].shade(sweep, last - first, hits[a:b], last_depth)
+
+        counters.sweep(objects.each(loop))
+        counters.phases.shading.swept(objects)
+        for shader in shaders:
+            shader.flush()
+            counters.rays.reflection += shader.reflection
+            counters.rays.refraction += shader.refraction
+            counters.rays.shadow += shader.shadow

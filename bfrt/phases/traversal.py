@@ -1,0 +1,149 @@
+"""Traversal: each ray's candidate voxels for a pass, and the sentinel that begins its next.
+
+The paper's section 3.2: rays walk to their first candidate before they take memory; in a pass a
+ray goes on from there, and the first candidate that it does not take, the sentinel, is found in
+the same walk.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.geometry.lattice import Lattice
+from bfrt.image.film import Film
+from bfrt.phases._traversal import admit, collect, settle
+from bfrt.phases.outliers import Outliers
+from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.records import HIT, PATH, RAY
+from bfrt.stats import Counters
+from bfrt.streams.spool import Spool
+from bfrt.workers import Workers
+
+#: Rays that enter memory at once, and the fewest worth handing to a thread.
+ADMITTED = 65536
+FEWEST = 512
+
+
+class Queue(Protocol):
+    """Rays that wait: the camera's, or a spool."""
+
+    def __len__(self) -> int: ...
+    def read(self, most: int) -> NDArray[Any]: ...
+
+
+class Flight:
+    """Rays in flight: what is in memory, of one group.
+
+    Parameters
+    ----------
+    capacity : int
+        Rays at the most. All memory is taken here.
+    """
+
+    def __init__(
+        self,
+        capacity: int,
+        lattice: Lattice,
+        marks: NDArray[np.uint8],
+        outliers: Outliers,
+        workers: Workers,
+    ) -> None:
+        self.lattice = lattice
+        self.active = 0
+        self.bad = 0
+        self._marks = marks
+        self._outliers = outliers
+        self._workers = workers
+        self._rays = np.empty(capacity, RAY)
+        self._paths = np.empty(capacity, PATH)
+        self._hits = np.empty(min(capacity, ADMITTED), HIT)
+
+    @property
+    def rays(self) -> NDArray[Any]:
+        """The active rays, records.RAY."""
+        return self._rays[: self.active]
+
+    def admit(
+        self,
+        queue: Queue,
+        film: Film,
+        background: NDArray[np.float64],
+        hits: Spool,
+        counters: Counters,
+    ) -> int:
+        """Fill memory from the queue; rays without a candidate are finished, and counted here."""
+        finished = 0
+        tallies: list[tuple[int, int, int, int]] = []
+        while len(queue) and self.active < len(self._rays):
+            base = self.active
+            rays = queue.read(min(ADMITTED, len(self._rays) - base))
+
+            def chunk(
+                _: int, first: int, last: int, rays: NDArray[Any] = rays, base: int = base
+            ) -> None:
+                tally = admit(
+                    rays,
+                    self._rays,
+                    self._paths,
+                    base,
+                    first,
+                    last,
+                    self.lattice,
+                    self._marks,
+                    self._outliers,
+                )
+                tallies.append(tally)
+
+            self._workers.run(chunk, len(rays), smallest=FEWEST)
+            self.active += len(rays)
+            finished += self.settle(film, background, hits, counters, base)
+        for steps, box_tests, object_tests, bad in tallies:
+            counters.voxel_steps += steps
+            counters.box_tests += box_tests
+            counters.object_tests += object_tests
+            self.bad += bad
+        return finished
+
+    def collect(self, voxel_rays: VoxelRays, counters: Counters) -> None:
+        """Store every active ray in its next candidate voxels.
+
+        As few rays are left, each gets more candidates: the memory is the same, and passes grow
+        like a logarithm.
+        """
+        slots = voxel_rays.slots
+        quota = max(1, len(slots) // self.active)
+        segments: list[tuple[int, int, int]] = []
+
+        def chunk(_: int, first: int, last: int) -> None:
+            found, steps = collect(
+                self._rays, first, last, self.lattice, self._marks, quota, slots
+            )
+            segments.append((first * quota, found, steps))
+
+        self._workers.run(chunk, self.active, smallest=FEWEST)
+        firsts, counts, steps = np.array(sorted(segments), np.int64).T.copy()
+        counters.voxel_steps += int(steps.sum())
+        voxel_rays.sort(firsts, counts)
+
+    def settle(
+        self,
+        film: Film,
+        background: NDArray[np.float64],
+        hits: Spool,
+        counters: Counters,
+        first: int = 0,
+    ) -> int:
+        """Let complete rays go, from `first` on: intersections to `hits`, light to the film."""
+        cursor = np.array([first, first, self.active], np.int64)
+        while cursor[0] < self.active:
+            n, eye_hits = settle(
+                self._rays, self._paths, cursor, self.lattice, film, background, self._hits
+            )
+            hits.append(self._hits[:n])
+            counters.rays.eye_hits += eye_hits
+        finished = self.active - int(cursor[1])
+        self.active = int(cursor[1])
+        return finished

@@ -1,0 +1,124 @@
+"""The voxel ray store, on one level: a counting sort of the candidates, in place."""
+
+cimport cython
+from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.string cimport memmove
+
+import numpy as np
+
+cdef enum:
+    PLACED_BIT = 63
+
+
+@cython.final
+cdef class VoxelRays:
+    """Candidates of one pass, by voxel.
+
+    Parameters
+    ----------
+    shape : tuple of 3 int
+        Voxels an axis.
+    capacity : int
+        Candidates at the most. All memory is taken here.
+    """
+
+    def __cinit__(self, shape, int64_t capacity):
+        cdef int64_t bricks = 0
+        cdef int k
+        size = np.array(shape, np.int64)
+        for k in range(3):
+            self.n[k] = size[k]
+        self.levels = 0
+        while self.levels == 0 or (size.max() > 1 and self.levels < LEVELS - 1):
+            size = (size + (1 << BRICK_BITS) - 1) >> BRICK_BITS
+            self.levels += 1
+            for k in range(3):
+                self.level_size[self.levels][k] = size[k]
+            self.level_begin[self.levels] = bricks
+            bricks += np.prod(size)
+        self.entries = np.empty(capacity, np.uint64)
+        self.start = np.empty(int(np.prod(shape)) + 1, np.uint32)
+        self.bricks = np.empty(bricks, np.uint8)
+
+    @staticmethod
+    def bytes_for(voxels):
+        """Bytes that a grid of so many voxels needs, without the candidates."""
+        return voxels * 4 + voxels // 32 + 65536
+
+    @property
+    def slots(self):
+        """Where candidates are put before `sort`, (capacity,) uint64."""
+        return np.asarray(self.entries)
+
+    def sort(self, const int64_t[::1] firsts, const int64_t[::1] counts):
+        """Put candidates into their voxels.
+
+        Parameters
+        ----------
+        firsts, counts : (segments,) int64
+            Where in `slots` they are, ascending.
+
+        Returns
+        -------
+        n : int
+            How many.
+        """
+        cdef int64_t n = 0, i
+        with nogil:
+            for i in range(firsts.shape[0]):
+                memmove(&self.entries[n], &self.entries[firsts[i]], counts[i] * sizeof(uint64_t))
+                n += counts[i]
+            self.count(n)
+            self.place(n)
+        return n
+
+    cdef void count(self, int64_t n) noexcept nogil:
+        """Set start[v] to where voxel v's entries end, and bricks to where any are."""
+        cdef int64_t i, voxels = self.start.shape[0] - 1
+        cdef uint32_t total = 0
+        self.start[:] = 0
+        self.bricks[:] = 0
+        for i in range(n):
+            self.start[entry_voxel(self.entries[i])] += 1
+        for i in range(voxels):
+            total += self.start[i]
+            self.start[i] = total
+        self.start[voxels] = total
+        for i in range(n):
+            self.occupy(entry_voxel(self.entries[i]))
+
+    cdef void occupy(self, uint32_t voxel) noexcept nogil:
+        """Set the voxel's brick on every level, up to the first that is set already."""
+        cdef int x = voxel % self.n[0]
+        cdef int y = (voxel // self.n[0]) % self.n[1]
+        cdef int64_t z = voxel // (self.n[0] * self.n[1])
+        cdef int level
+        cdef int64_t brick
+        for level in range(1, self.levels + 1):
+            x >>= BRICK_BITS
+            y >>= BRICK_BITS
+            z >>= BRICK_BITS
+            brick = self.level_begin[level] + x + self.level_size[level][0] * (
+                y + self.level_size[level][1] * z
+            )
+            if self.bricks[brick]:
+                return
+            self.bricks[brick] = 1
+
+    cdef void place(self, int64_t n) noexcept nogil:
+        """Follow each cycle of the permutation; start[v] sinks to where v begins."""
+        cdef uint64_t placed = <uint64_t>1 << PLACED_BIT
+        cdef uint64_t entry, other
+        cdef int64_t i, j
+        cdef uint32_t voxel
+        for i in range(n):
+            entry = self.entries[i]
+            while not entry & placed:
+                voxel = entry_voxel(entry)
+                self.start[voxel] -= 1
+                j = self.start[voxel]
+                other = self.entries[j]
+                self.entries[j] = entry | placed
+                if j == i:
+                    break
+                entry = other

@@ -1,0 +1,89 @@
+"""The C twins of ``records.py``; field for field, checked by tests/test_records.py."""
+
+from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+
+cdef extern from *:
+    """
+    #define BFRT_NO_HIT UINT64_MAX
+    """
+    const uint64_t NO_HIT "BFRT_NO_HIT"
+
+cdef enum:
+    SPHERE = 0
+    CONE = 1
+    TRIANGLE = 2
+    PATCH = 3
+    POLYGON = 4
+
+cdef enum:
+    EYE = 0
+    REFLECTION = 1
+    REFRACTION = 2
+    SHADOW = 3
+
+cdef enum:
+    RAY_BITS = 21
+    FACE_BITS = 3
+    INDEX_BITS = 48
+
+cdef packed struct Ray:
+    double ox
+    double oy
+    double oz
+    double dx
+    double dy
+    double dz
+    double t        # the nearest hit so far, or where the ray ends
+    uint64_t id     # of the object hit, or NO_HIT
+    uint32_t voxel  # where the walk is: the first candidate of the next pass
+    uint8_t face    # by which face it came there
+    uint8_t kind
+    uint16_t unused
+
+cdef packed struct Path:
+    uint32_t pixel
+    uint32_t sample
+    float red
+    float green
+    float blue
+    uint32_t kind
+
+cdef packed struct Queued:
+    double ox
+    double oy
+    double oz
+    double dx
+    double dy
+    double dz
+    uint32_t pixel
+    uint32_t sample
+    float red
+    float green
+    float blue
+    uint32_t kind
+
+cdef packed struct Hit:
+    double ox
+    double oy
+    double oz
+    double dx
+    double dy
+    double dz
+    double t
+    uint64_t id
+    uint32_t pixel
+    uint32_t sample
+    float red
+    float green
+    float blue
+    uint32_t kind
+
+cdef packed struct Material:
+    float red
+    float green
+    float blue
+    float kd
+    float ks
+    float shine
+    float transmittance
+    float ior

@@ -1,0 +1,235 @@
+"""``bfrt.render``: a scene store in, a picture out, inside a memory budget."""
+
+from __future__ import annotations
+
+import logging
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.budget import capacities, default_memory, parse_memory
+from bfrt.errors import SettingError
+from bfrt.image.film import Film
+from bfrt.image.picture import Image
+from bfrt.scene.model import Camera
+from bfrt.scene.store import Store, open_store
+from bfrt.scheduler import Progress, Report, Scheduler
+from bfrt.stats import Stats, peak_rss
+
+log = logging.getLogger(__name__)
+
+#: SPD's procedure: one ray at each pixel corner, five hits deep.
+CORNERS = 0
+DEPTH = 5
+
+#: Bytes of film that are averaged at once.
+BAND = 1 << 20
+
+
+def render(
+    scene: Store | str | os.PathLike[str],
+    *,
+    memory: str | int | None = None,
+    threads: int | None = None,
+    camera: Camera | None = None,
+    samples: int | None = None,
+    depth: int = DEPTH,
+    fresh_marks: bool = False,
+    scratch: str | os.PathLike[str] | None = None,
+    progress: bool | Callable[[Progress], object] = False,
+) -> Image:
+    """Render a scene.
+
+    The picture is the same, bit for bit, for every memory budget and every number of threads.
+
+    Parameters
+    ----------
+    scene : Store or path-like
+        An open store, or where one is.
+    memory : str or int, optional
+        The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
+        machine's memory, or of its cgroup's limit.
+    threads : int, optional
+        By default all cores that this process may use.
+    camera : Camera, optional
+        By default the scene's own.
+    samples : int, optional
+        Stratified samples a pixel. By default SPD's procedure: a ray at each pixel corner, four
+        averaged.
+    depth : int
+        Hits shaded along a path, the eye ray's included.
+    fresh_marks : bool
+        Make the voxel marks again, instead of using those in the store.
+    scratch : path-like, optional
+        Folder for spools, and for marks where the store is read-only. By default the store's
+        parent, or the system's temporary folder where that is read-only.
+    progress : bool or callable
+        True shows a bar (needs tqdm, and a terminal). A callable gets a `Progress` after each
+        pass; returning False cancels.
+
+    Returns
+    -------
+    Image
+        R G B A, Z, N and object ids; `Image.stats` has the counters.
+
+    Raises
+    ------
+    StoreError
+        If the store is damaged.
+    BudgetError
+        If the budget is below the least that works, which the message names.
+    SettingError
+        If a setting cannot be honoured.
+    Cancelled
+        If `progress` returned False.
+    DiskFullError, StreamError
+        As the system refuses.
+    """
+    start = time.perf_counter()
+    store = scene if isinstance(scene, Store) else open_store(scene)
+    view = camera or store.camera
+    if view is None:
+        raise SettingError(f"{store.path}: the scene has no camera: expected from, at and angle")
+    budget = default_memory() if memory is None else parse_memory(memory)
+    count = usable_threads() if threads is None else at_least_one("threads", threads)
+    corners = CORNERS if samples is None else at_least_one("samples", samples)
+    plan = capacities(store, *view.resolution, corners, budget, count)
+    stats = Stats(
+        objects=store.objects,
+        scene_bytes=store.bytes,
+        settings={
+            "refine": "base",
+            "memory": budget,
+            "threads": count,
+            "depth": at_least_one("depth", depth),
+        },
+    )
+    with reporting(progress) as report:
+        film = Scheduler(
+            store,
+            view,
+            samples=corners,
+            depth=depth,
+            capacities=plan,
+            fresh_marks=fresh_marks,
+            scratch=scratch_folder(scratch, store.path),
+            stats=stats,
+            report=report,
+        ).run()
+    image = Image(develop(film, view), describe(store, view, corners, depth), stats)
+    stats.total.seconds = time.perf_counter() - start
+    stats.peak_rss_bytes = peak_rss()
+    if stats.bad_rays:
+        log.warning("%d rays were NaN or had no direction, and hit nothing", stats.bad_rays)
+    return image
+
+
+def develop(film: Film, camera: Camera) -> dict[str, NDArray[Any]]:
+    """The channels of the finished image, band by band."""
+    width, height = camera.resolution
+    rows = max(1, BAND // (width * 64))
+    bands = (film.rows(first, min(first + rows, height)) for first in range(0, height, rows))
+    channels: dict[str, NDArray[Any]] = {}
+    for number, band in enumerate(bands):
+        for name, part in band.items():
+            if name not in channels:
+                channels[name] = np.empty((height, width), part.dtype)
+            channels[name][number * rows : number * rows + len(part)] = part
+    return channels
+
+
+def describe(store: Store, camera: Camera, samples: int, depth: int) -> dict[str, str]:
+    """Metadata: the scene and what changes the picture; not threads, budget or time."""
+    return {
+        "scene": store.path.stem,
+        "objects": str(store.objects),
+        "checksum": f"{store.checksum:08x}",
+        "eye": " ".join(f"{x:g}" for x in camera.eye),
+        "at": " ".join(f"{x:g}" for x in camera.at),
+        "up": " ".join(f"{x:g}" for x in camera.up),
+        "angle": f"{camera.angle:g}",
+        "samples": str(samples) if samples else "corners",
+        "depth": str(depth),
+    }
+
+
+def at_least_one(name: str, value: int) -> int:
+    """The value, if it is a whole number of 1 or more."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise SettingError(f"{name}: found {value!r}, expected a whole number of 1 or more")
+    return int(value)
+
+
+def usable_threads() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def scratch_folder(scratch: str | os.PathLike[str] | None, beside: Path) -> Path:
+    """The folder for spools."""
+    if scratch is not None:
+        folder = Path(scratch)
+        if not folder.is_dir():
+            raise SettingError(f"scratch: found {folder}, expected a folder that is there")
+        return folder
+    parent = beside.resolve().parent
+    return parent if os.access(parent, os.W_OK) else Path(tempfile.gettempdir())
+
+
+@contextmanager
+def reporting(progress: bool | Callable[[Progress], object]) -> Iterator[Report]:
+    """What the scheduler reports to."""
+    if progress is False:
+        yield lambda _: None
+    elif progress is not True:
+        yield progress
+    else:
+        with Bar() as bar:
+            yield bar.show
+
+
+class Bar:
+    """A tqdm bar a depth: rays finished, of the depth's rays."""
+
+    def __init__(self) -> None:
+        try:
+            from tqdm import tqdm
+        except ImportError:
+            raise SettingError(
+                "progress: a bar needs tqdm: install bfrt[progress]"
+            ) from None
+        self._tqdm = tqdm
+        self._bar: Any = None
+        self._depth = 0
+
+    def show(self, progress: Progress) -> None:
+        if progress.depth != self._depth:
+            self._close()
+            self._depth = progress.depth
+            self._bar = self._tqdm(
+                total=progress.total,
+                desc=f"depth {progress.depth}",
+                unit=" rays",
+                unit_scale=True,
+                disable=None,
+            )
+        self._bar.update(progress.done - self._bar.n)
+
+    def _close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()

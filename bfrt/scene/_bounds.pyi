@@ -1,0 +1,14 @@
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+def bound(
+    kind: int,
+    geometry: NDArray[np.uint8],
+    counts: NDArray[np.uint32],
+    wide: bool,
+    origin: Sequence[float],
+    scalars: int,
+    boxes: NDArray[np.float32],
+) -> tuple[int, int]: ...

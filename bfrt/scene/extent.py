@@ -1,0 +1,104 @@
+"""Bounds of a group as it is written, and the outliers that its grid is better without.
+
+A few objects far larger than the rest (a ground polygon) would make a grid in which all others
+share a few voxels. The largest boxes are kept aside, and those without which the grid's volume at
+least halves stay out of it (DESIGN section 4); every ray is tested against them first.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Boxes kept aside while a group is written.
+LARGEST = 64
+
+#: The shortest axis of a grid, as a part of its diagonal: a flat scene has a grid too.
+FLATTEST = 2.0**-10
+
+
+class Bounds(NamedTuple):
+    """An axis-parallel box, float64, relative to the store's origin; (3,) each."""
+
+    lo: NDArray[np.float64]
+    hi: NDArray[np.float64]
+
+    @property
+    def empty(self) -> bool:
+        return bool(self.lo[0] > self.hi[0])
+
+    @property
+    def diagonal(self) -> float:
+        return 0.0 if self.empty else float(np.sqrt(((self.hi - self.lo) ** 2).sum()))
+
+    def union(self, other: Bounds) -> Bounds:
+        return Bounds(np.minimum(self.lo, other.lo), np.maximum(self.hi, other.hi))
+
+    def grid_sides(self) -> NDArray[np.float64]:
+        """Side lengths with flat axes thickened."""
+        sides: NDArray[np.float64] = np.maximum(self.hi - self.lo, FLATTEST * self.diagonal)
+        return sides
+
+
+NOTHING = Bounds(np.full(3, np.inf), np.full(3, -np.inf))
+
+
+def bounds_of(boxes: NDArray[np.floating]) -> Bounds:
+    """The union of boxes (n, 6); boxes of degenerate objects (inf, -inf) add nothing."""
+    if len(boxes) == 0:
+        return NOTHING
+    return Bounds(
+        boxes[:, :3].min(axis=0).astype(np.float64), boxes[:, 3:].max(axis=0).astype(np.float64)
+    )
+
+
+class Extent:
+    """Gathers bounds, and the largest boxes, over all blocks of a group."""
+
+    def __init__(self) -> None:
+        self._rest = NOTHING
+        self._sizes = np.empty(0)
+        self._boxes = np.empty((0, 6))
+        self._ids = np.empty(0, np.uint64)
+
+    def add(self, boxes: NDArray[np.float32], ids: NDArray[np.uint64]) -> None:
+        """Take in boxes (n, 6) and the ids (n,) of their objects, in any order of blocks."""
+        with np.errstate(invalid="ignore"):
+            sides = np.maximum(boxes[:, 3:] - boxes[:, :3], 0.0).astype(np.float64)
+        sizes = (sides * sides).sum(axis=1)
+        if len(self._sizes) == LARGEST:
+            large = sizes > self._sizes[-1]
+        else:
+            large = np.ones(len(sizes), bool)
+        if len(boxes) > LARGEST and large.sum() > LARGEST:
+            large &= sizes >= np.partition(sizes, -LARGEST)[-LARGEST]
+        self._rest = self._rest.union(bounds_of(boxes[~large]))
+        self._keep(sizes[large], boxes[large].astype(np.float64), ids[large])
+
+    def _keep(
+        self, sizes: NDArray[np.float64], boxes: NDArray[np.float64], ids: NDArray[np.uint64]
+    ) -> None:
+        sizes = np.concatenate([self._sizes, sizes])
+        boxes = np.concatenate([self._boxes, boxes])
+        ids = np.concatenate([self._ids, ids])
+        order = np.lexsort((ids, -sizes))
+        kept, dropped = order[:LARGEST], order[LARGEST:]
+        self._rest = self._rest.union(bounds_of(boxes[dropped]))
+        self._sizes, self._boxes, self._ids = sizes[kept], boxes[kept], ids[kept]
+
+    @property
+    def bounds(self) -> Bounds:
+        """All objects."""
+        return self._rest.union(bounds_of(self._boxes))
+
+    def outliers(self) -> tuple[list[int], Bounds]:
+        """Ids that stay out of the grid, ascending, and the bounds of all others."""
+        left = [self._rest.union(bounds_of(self._boxes[k:])) for k in range(len(self._ids) + 1)]
+        volumes = [0.0 if b.empty else float(np.prod(b.grid_sides())) for b in left]
+        out = 0
+        for k in range(1, len(left)):
+            if volumes[k] <= volumes[out] / 2 and not left[k].empty:
+                out = k
+        return sorted(int(i) for i in self._ids[:out]), left[out]

@@ -1,0 +1,149 @@
+"""Sweeping a stream: what the paper writes as ``for (each object on disk)``.
+
+An outlier, which rays meet before they enter the grid, is passed with an empty box, as a
+degenerate object is: nothing in the grid meets it again.
+"""
+
+cimport cython
+from libc.stdint cimport int64_t, uint16_t, uint32_t
+
+from bfrt.geometry.box cimport Box, box_clear
+from bfrt.geometry.shape cimport Shape, shape_bounds, shape_load
+from bfrt.geometry.vector cimport vec
+from bfrt.records cimport POLYGON, SPHERE
+from bfrt.streams.reader cimport Reader, take
+from bfrt.errors import StoreError
+from bfrt.streams.reader import Tape
+
+cdef enum:
+    BOX_BYTES = 24
+    OFFSET_BYTES = 4
+
+
+@cython.final
+cdef class Sweep:
+    """Readers over one stream's files.
+
+    Parameters
+    ----------
+    stream : bfrt.scene.store.Stream
+        What to sweep.
+    origin : sequence of 3 float
+        The store's.
+    outliers : (n,) int64
+        Indices of this stream's outliers, ascending.
+    capacity : int
+        Bytes of each read buffer; more where the largest polygon needs it.
+    tapes : tuple of Tape, optional
+        The open files of another sweep, to share.
+    """
+
+    def __cinit__(self, stream, origin, const int64_t[::1] outliers, size_t capacity, tapes=None):
+        names = ["geometry"]
+        self.kind = stream.kind
+        self.number = stream.number
+        self.stride = stream.stride
+        self.frame.wide = stream.wide
+        self.frame.origin = vec(origin[0], origin[1], origin[2])
+        self.outliers = outliers
+        if self.kind != SPHERE:
+            names.append("boxes")
+        if self.kind == POLYGON:
+            names.append("offsets")
+        self.material = stream.material
+        self.material_bytes = stream.material_bytes
+        if self.material_bytes:
+            names.append("materials")
+        self.tapes = tapes or tuple(Tape(stream.path(name)) for name in names)
+        self.geometry = Reader(self.tapes[0], max(capacity, self.stride * max(1, stream.largest)))
+        if self.kind != SPHERE:
+            self.boxes = Reader(self.tapes[1], capacity)
+        if self.kind == POLYGON:
+            self.offsets = Reader(self.tapes[2], capacity // 8)
+        if self.material_bytes:
+            self.materials = Reader(self.tapes[len(names) - 1], capacity // 8)
+        self.rewind()
+
+    def rewind(self):
+        """Begin again at the first object."""
+        self.geometry.rewind()
+        if self.boxes is not None:
+            self.boxes.rewind()
+        if self.offsets is not None:
+            self.offsets.rewind()
+        if self.materials is not None:
+            self.materials.rewind()
+        self.index = self.vertex = self.outlier = 0
+
+    cpdef int window(self, int64_t first, int64_t last) except -1:
+        """Go forward to object `first`, to read up to `last` (exclusive)."""
+        cdef int64_t begin = first, end = last
+        if self.kind == POLYGON:
+            begin = self.vertex = self.end_of(first - 1)
+            end = self.end_of(last - 1)
+            if begin > end or end * <int64_t>self.stride > self.geometry.tape.size:
+                raise StoreError(
+                    f"{self.offsets.tape.path}: objects {first} to {last}: found vertices "
+                    f"{begin} to {end}, expected ascending ones that are there"
+                )
+            self.offsets.window(first * OFFSET_BYTES, last * OFFSET_BYTES)
+        self.geometry.window(begin * <int64_t>self.stride, end * <int64_t>self.stride)
+        if self.boxes is not None:
+            self.boxes.window(first * BOX_BYTES, last * BOX_BYTES)
+        self.index = first
+        while self.outlier < self.outliers.shape[0] and self.outliers[self.outlier] < first:
+            self.outlier += 1
+        return 0
+
+    cdef int64_t end_of(self, int64_t index) except -1:
+        """Where polygon `index` ends, in vertices: one read, not part of the sweep."""
+        cdef Reader single
+        if index < 0:
+            return 0
+        single = Reader(self.offsets.tape, OFFSET_BYTES)
+        single.window(index * OFFSET_BYTES, (index + 1) * OFFSET_BYTES)
+        return (<const uint32_t*>take(single, OFFSET_BYTES))[0]
+
+    cpdef int material_window(self, int64_t first, int64_t last) except -1:
+        """The same for materials, which only shading reads."""
+        if self.materials is not None:
+            self.materials.window(first * self.material_bytes, last * self.material_bytes)
+        return 0
+
+    cdef int advance_material(self) except -1 nogil:
+        """Come to the next object's material."""
+        cdef const unsigned char* p
+        if self.materials is None:
+            return 0
+        p = take(self.materials, self.material_bytes)
+        if self.material_bytes == 1:
+            self.material = p[0]
+        elif self.material_bytes == 2:
+            self.material = (<const uint16_t*>p)[0]
+        else:
+            self.material = (<const uint32_t*>p)[0]
+        return 0
+
+    cdef int advance(self) except -1 nogil:
+        """Come to the next object: its record, vertex count and box."""
+        cdef uint32_t end
+        cdef Shape shape
+        self.count = 0
+        if self.kind == POLYGON:
+            end = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
+            self.count = end - self.vertex
+            self.vertex = end
+            self.record = take(self.geometry, self.stride * self.count)
+        else:
+            self.record = take(self.geometry, self.stride)
+        if self.boxes is not None:
+            self.box = (<const Box*>take(self.boxes, BOX_BYTES))[0]
+        elif shape_load(SPHERE, self.record, 0, &self.frame, &shape):
+            shape_bounds(&shape, &self.box)
+        else:
+            box_clear(&self.box)
+        if self.outlier < self.outliers.shape[0] and self.index == self.outliers[self.outlier]:
+            self.outlier += 1
+            box_clear(&self.box)
+        self.index += 1
+        return 0

@@ -1,0 +1,203 @@
+"""Counters: what a render did, per phase and per depth, as a table and as JSON.
+
+``bytes_read`` is what reads returned; ``seeks`` are reads that do not start where the last one of
+that file ended; ``passes`` are sweeps over the objects, the preprocess's and the shading's too;
+``box_tests`` are ray against object box. Phase seconds are wall time and disjoint.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bfrt.scene.objects import Objects
+    from bfrt.streams.spool import Spool
+
+
+@dataclass
+class Phase:
+    """One phase's time and traffic."""
+
+    seconds: float = 0.0
+    bytes_read: int = 0
+    bytes_written: int = 0
+    seeks: int = 0
+
+    @contextmanager
+    def timed(self) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds += time.perf_counter() - start
+
+    def swept(self, objects: Objects) -> None:
+        """Take over what sweeps have read."""
+        read, seeks = objects.counts()
+        self.bytes_read += read
+        self.seeks += seeks
+
+    def spooled(self, spool: Spool) -> None:
+        """Take over what a spool has read and written."""
+        read, written, seeks = spool.counts()
+        self.bytes_read += read
+        self.bytes_written += written
+        self.seeks += seeks
+
+
+@dataclass
+class Rays:
+    """Rays sent, by kind, and eye rays that hit."""
+
+    eye: int = 0
+    eye_hits: int = 0
+    reflection: int = 0
+    refraction: int = 0
+    shadow: int = 0
+
+
+@dataclass
+class Phases:
+    """The four phases."""
+
+    preprocess: Phase = field(default_factory=Phase)
+    traversal: Phase = field(default_factory=Phase)
+    intersection: Phase = field(default_factory=Phase)
+    shading: Phase = field(default_factory=Phase)
+
+
+@dataclass
+class Counters:
+    """What one depth, or a whole render, has counted."""
+
+    rays: Rays = field(default_factory=Rays)
+    phases: Phases = field(default_factory=Phases)
+    passes: int = 0
+    boxes_read: int = 0
+    geometry_read: int = 0
+    box_tests: int = 0
+    object_tests: int = 0
+    voxel_steps: int = 0
+    seconds: float = 0.0
+
+    def sweep(self, objects: int) -> None:
+        """Count one pass over so many objects, boxes and geometry."""
+        self.passes += 1
+        self.boxes_read += objects
+        self.geometry_read += objects
+
+    def add(self, other: Any, to: Any = None) -> None:
+        """Add another's counts to these, nested ones too."""
+        target = self if to is None else to
+        for f in fields(target):
+            mine, theirs = getattr(target, f.name), getattr(other, f.name)
+            if isinstance(mine, (int, float)):
+                setattr(target, f.name, mine + theirs)
+            else:
+                self.add(theirs, mine)
+
+
+@dataclass
+class Stats:
+    """The record of a render."""
+
+    objects: int
+    scene_bytes: int
+    settings: dict[str, Any]
+    marks_reused: bool = False
+    hierarchy_seconds: float = 0.0
+    bad_rays: int = 0
+    total: Counters = field(default_factory=Counters)
+    depths: list[Counters] = field(default_factory=list)
+    peak_rss_bytes: int = 0
+
+    @contextmanager
+    def depth(self) -> Iterator[Counters]:
+        """The counters of one more depth, added to the total at its end."""
+        counters = Counters()
+        start = time.perf_counter()
+        try:
+            yield counters
+        finally:
+            counters.seconds = time.perf_counter() - start
+            self.depths.append(counters)
+            whole = self.total.seconds
+            self.total.add(counters)
+            self.total.seconds = whole
+
+    def as_dict(self) -> dict[str, Any]:
+        """The keys that the documentation lists, ready for JSON."""
+        return {
+            "objects": self.objects,
+            "scene_bytes": self.scene_bytes,
+            "settings": self.settings,
+            "marks_reused": self.marks_reused,
+            "hierarchy_seconds": self.hierarchy_seconds,
+            "bad_rays": self.bad_rays,
+            **asdict(self.total),
+            "peak_rss_bytes": self.peak_rss_bytes,
+            "depths": [asdict(depth) for depth in self.depths],
+        }
+
+    def table(self) -> str:
+        """A table for people: a row a depth, then the phases."""
+        head = ("depth", "rays", "hits", "shadow", "passes", "box tests", "object tests", "seconds")
+        rows = [head]
+        for number, depth in enumerate([*self.depths, self.total], 1):
+            rays = depth.rays
+            sent = rays.eye + rays.reflection + rays.refraction
+            rows.append(
+                (
+                    "all" if depth is self.total else str(number),
+                    f"{sent:,}",
+                    f"{rays.eye_hits:,}",
+                    f"{rays.shadow:,}",
+                    f"{depth.passes:,}",
+                    f"{depth.box_tests:,}",
+                    f"{depth.object_tests:,}",
+                    f"{depth.seconds:.2f}",
+                )
+            )
+        phases = [("phase", "seconds", "MB read", "MB written", "seeks")]
+        for f in fields(Phases):
+            phase = getattr(self.total.phases, f.name)
+            phases.append(
+                (
+                    f.name,
+                    f"{phase.seconds:.2f}",
+                    f"{phase.bytes_read / 1e6:,.1f}",
+                    f"{phase.bytes_written / 1e6:,.1f}",
+                    f"{phase.seeks:,}",
+                )
+            )
+        peak = f"peak memory {self.peak_rss_bytes / 2**20:.1f} MiB"
+        return "\n".join([_aligned(rows), "", _aligned(phases), "", peak])
+
+
+def _aligned(rows: list[tuple[str, ...]]) -> str:
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    )
+
+
+def peak_rss() -> int:
+    """The most memory this process has held, bytes.
+
+    VmHWM where the system has it: ``ru_maxrss`` starts at the parent's.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        for line in status.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

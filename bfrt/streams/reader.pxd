@@ -1,0 +1,53 @@
+"""The forward-only reader: an inline fast half here, a raising half in reader.pyx.
+
+::
+
+    file    |.......|=========window=========|......|
+                          |at....end|               take(n) gives n bytes at `at`
+                          |buffer...........|       refill() goes on reading at `position`
+"""
+
+from libc.stdint cimport int64_t
+
+
+cdef class Tape:
+    """An open file that several readers share, and what they have read of it."""
+
+    cdef readonly object path
+    cdef readonly int64_t size
+    cdef int fd
+    cdef int64_t last_end
+    cdef int64_t bytes_read
+    cdef int64_t seeks
+
+
+cdef class Reader:
+    cdef const unsigned char* at
+    cdef const unsigned char* end
+    cdef unsigned char* buffer
+    cdef size_t capacity
+    cdef int64_t position
+    cdef int64_t stop
+    cdef readonly Tape tape
+
+    cpdef int window(self, int64_t begin, int64_t stop) except -1
+    cdef const unsigned char* refill(self, size_t n) except NULL nogil
+    cdef int read_more(self, size_t wanted) except -1 nogil
+    cdef int jump(self, int64_t n) except -1 nogil
+
+
+cdef inline const unsigned char* take(Reader r, size_t n) except NULL nogil:
+    """The next n bytes, which stay where they are until the next take."""
+    cdef const unsigned char* p = r.at
+    if <size_t>(r.end - p) >= n:
+        r.at = p + n
+        return p
+    return r.refill(n)
+
+
+cdef inline int skip(Reader r, int64_t n) except -1 nogil:
+    """Go n bytes forward."""
+    if n <= r.end - r.at:
+        r.at += n
+        return 0
+    return r.jump(n)

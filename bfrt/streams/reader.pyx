@@ -1,0 +1,169 @@
+"""Forward-only buffered reading of fixed-size records, without the GIL.
+
+Reads are large and ask the system for the next buffer ahead of time (``posix_fadvise`` where
+there is one). A short read is not the end of the file, and an interrupted one is tried again.
+"""
+
+cimport cython
+from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
+from libc.errno cimport EINTR, errno
+from libc.stdint cimport int64_t, uintptr_t
+from libc.string cimport memmove
+
+import os
+
+from bfrt.errors import ShortReadError, StreamError
+from bfrt.streams.atomic cimport atomic_add, atomic_exchange
+
+cdef extern from *:
+    """
+    #include <fcntl.h>
+    #include <unistd.h>
+    static inline void bfrt_prefetch(int fd, int64_t offset, int64_t n) {
+    #ifdef POSIX_FADV_WILLNEED
+        (void)posix_fadvise(fd, offset, n, POSIX_FADV_WILLNEED);
+    #else
+        (void)fd; (void)offset; (void)n; /* the system's own read-ahead has to do */
+    #endif
+    }
+    """
+    void prefetch "bfrt_prefetch"(int fd, int64_t offset, int64_t n) noexcept nogil
+    ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
+
+cdef enum:
+    PAGE = 4096
+
+
+@cython.final
+cdef class Tape:
+    """An open file for readers.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Raises
+    ------
+    StreamError
+        If it cannot be opened.
+    """
+
+    def __cinit__(self, path):
+        self.fd = -1
+        self.path = os.fspath(path)
+        try:
+            self.fd = os.open(self.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+            self.size = os.fstat(self.fd).st_size
+        except OSError as error:
+            raise StreamError(self.path, 0, error.errno, "opening") from None
+
+    def __dealloc__(self):
+        if self.fd >= 0:
+            os.close(self.fd)
+
+    def counts(self):
+        """Bytes read and seeks since the last call, as a pair."""
+        return atomic_exchange(&self.bytes_read, 0), atomic_exchange(&self.seeks, 0)
+
+
+@cython.final
+cdef class Reader:
+    """Reads a window of a tape, forwards.
+
+    Parameters
+    ----------
+    tape : Tape
+        The file.
+    capacity : int
+        Bytes of the buffer, rounded up to pages: at least the largest record.
+    """
+
+    def __cinit__(self, Tape tape not None, size_t capacity):
+        self.tape = tape
+        self.capacity = (capacity + PAGE - 1) // PAGE * PAGE
+        self.buffer = <unsigned char*>PyMem_RawMalloc(self.capacity)
+        if self.buffer == NULL:
+            raise MemoryError(f"{capacity} bytes for a read buffer")
+        self.at = self.end = self.buffer
+
+    def __dealloc__(self):
+        PyMem_RawFree(self.buffer)
+
+    def rewind(self):
+        """Begin a new sweep of the file, with an empty window at its start."""
+        self.at = self.end = self.buffer
+        self.position = self.stop = 0
+
+    cpdef int window(self, int64_t begin, int64_t stop) except -1:
+        """Go forward to `begin`, to read up to `stop` and not a byte beyond.
+
+        Raises
+        ------
+        ValueError
+            If that is backwards, or outside the file as it was opened.
+        """
+        cdef int64_t now = self.position - (self.end - self.at)
+        if not now <= begin <= stop <= self.tape.size:
+            raise ValueError(
+                f"{self.tape.path}: window [{begin}, {stop}) from {now} of {self.tape.size}: "
+                "a reader goes forwards only, inside its file"
+            )
+        skip(self, begin - now)
+        self.stop = stop
+        return 0
+
+    def read(self, size_t n):
+        """The next n bytes, as a copy."""
+        return take(self, n)[:n]
+
+    cdef int jump(self, int64_t n) except -1 nogil:
+        """Leave the buffer behind."""
+        self.position += n - (self.end - self.at)
+        self.at = self.end = self.buffer
+        return 0
+
+    cdef const unsigned char* refill(self, size_t n) except NULL nogil:
+        """Read until n bytes are there, and as many more as the buffer and the window hold."""
+        cdef size_t left = self.end - self.at
+        cdef int64_t rest = self.stop - self.position
+        cdef size_t room
+        cdef const unsigned char* p
+        if n > self.capacity or <int64_t>(n - left) > rest:
+            with gil:
+                raise ShortReadError(self.tape.path, self.position - left, n, left + rest)
+        memmove(self.buffer, self.at, left)
+        self.at = self.buffer
+        self.end = self.buffer + left
+        room = self.capacity - left
+        if <int64_t>room > rest:
+            room = rest
+        if self.tape.last_end != self.position:
+            atomic_add(&self.tape.seeks, 1)
+        while <size_t>(self.end - self.buffer) < n or room > 0:
+            room -= self.read_more(room)
+        if self.stop > self.position:
+            rest = self.stop - self.position
+            prefetch(self.tape.fd, self.position, min(rest, <int64_t>self.capacity))
+        p = self.at
+        self.at += n
+        return p
+
+    cdef int read_more(self, size_t wanted) except -1 nogil:
+        """One read; returns how much of `wanted` came."""
+        cdef ssize_t got
+        while True:
+            got = pread(self.tape.fd, <void*><uintptr_t>self.end, wanted, self.position)
+            if got > 0:
+                break
+            if got < 0 and errno == EINTR:
+                continue
+            with gil:
+                if got < 0:
+                    raise StreamError(self.tape.path, self.position, errno, "reading")
+                raise ShortReadError(self.tape.path, self.position, wanted, 0)
+        self.end += got
+        self.position += got
+        self.tape.last_end = self.position
+        atomic_add(&self.tape.bytes_read, got)
+        return got

@@ -1,0 +1,57 @@
+"""Threads that share a count of things: each takes the next chunk until there is none."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+#: Called with the worker's number and a chunk [first, last).
+Task = Callable[[int, int, int], None]
+
+#: Chunks a worker gets of a count, at least: what evens out their unequal work.
+CHUNKS_EACH = 8
+
+
+class Workers:
+    """`threads` workers. The loops they run release the GIL.
+
+    Chunks are handed out in ascending order, so that each worker reads its files forwards.
+    """
+
+    def __init__(self, threads: int) -> None:
+        self.threads = threads
+        self._pool = ThreadPoolExecutor(threads, "bfrt") if threads > 1 else None
+
+    def run(self, task: Task, count: int, *, smallest: int = 1, largest: int = 65536) -> None:
+        """Call `task` for every chunk of range(count); chunks have `smallest` to `largest`.
+
+        Raises
+        ------
+        BaseException
+            The first that a task raised, an interrupt too; no new chunk is begun after it.
+        """
+        chunk = max(smallest, min(largest, -(-count // (self.threads * CHUNKS_EACH))))
+        starts = itertools.count(0, chunk)
+        stop = threading.Event()
+
+        def work(worker: int) -> None:
+            while not stop.is_set() and (first := next(starts)) < count:
+                task(worker, first, min(count, first + chunk))
+
+        if self._pool is None or count <= chunk:
+            work(0)
+            return
+        futures = [self._pool.submit(work, worker) for worker in range(self.threads)]
+        try:
+            for future in futures:
+                future.result()
+        finally:
+            stop.set()
+            for future in futures:
+                future.exception()
+
+    def close(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
