@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from bfrt.image.film import Film
 from bfrt.image.picture import Image
 from bfrt.scene.model import Camera
 from bfrt.scene.store import Store, open_store
-from bfrt.scheduler import Progress, Report, Scheduler
+from bfrt.scheduler import Progress, Report, render_film
 from bfrt.stats import Stats, peak_rss
 
 log = logging.getLogger(__name__)
@@ -112,7 +112,7 @@ def render(
         },
     )
     with reporting(progress) as report:
-        film = Scheduler(
+        film = render_film(
             store,
             view,
             samples=corners,
@@ -122,7 +122,7 @@ def render(
             scratch=scratch_folder(scratch, store.path),
             stats=stats,
             report=report,
-        ).run()
+        )
     image = Image(develop(film, view), describe(store, view, corners, depth), stats)
     stats.total.seconds = time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()

@@ -22,11 +22,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bfrt.budget import Capacities
 from bfrt.errors import Cancelled
-from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
 from bfrt.phases.eye import EyeRays, view_vectors
 from bfrt.phases.intersection import intersect_all, new_locks
@@ -56,119 +54,152 @@ class Progress(NamedTuple):
 Report = Callable[[Progress], object]
 
 
-class Scheduler:
-    """One render of one view.
+class Tracer:
+    """Finds the nearest hits of queues of rays: preprocess, traversal and intersection.
 
-    Parameters
-    ----------
-    depth : int
-        Hits of this depth are the last that are shaded; the eye ray's is 1.
+    All memory of these phases is taken here.
     """
 
     def __init__(
         self,
         store: Store,
-        camera: Camera,
-        *,
-        samples: int,
-        depth: int,
+        film: Film,
+        workers: Workers,
         capacities: Capacities,
+        *,
         fresh_marks: bool,
         scratch: Path,
-        stats: Stats,
-        report: Report,
+        counters: Counters,
     ) -> None:
-        self._store = store
-        self._depth = depth
-        self._capacities = capacities
-        self._fresh_marks = fresh_marks
-        self._scratch = scratch
-        self._stats = stats
-        self._report = report
+        (group,) = store.groups
+        self.objects = Objects(store, group, workers, capacities.read_buffer)
+        self._film = film
         self._background = np.array(store.background, np.float64)
-        self._eye_rays = EyeRays(store, camera, samples)
-        self.film = Film(*camera.resolution, samples)
-        self._shading = Shading(
-            store, self.film, view_vectors(camera, store.origin)[0], capacities
-        )
-
-    def run(self) -> Film:
-        """Trace everything; returns the film."""
-        workers = Workers(self._capacities.threads)
-        try:
-            self._trace_all(workers)
-        finally:
-            workers.close()
-        return self.film
-
-    def _trace_all(self, workers: Workers) -> None:
-        (group,) = self._store.groups
-        shape = resolution(group.grid_bounds, group.gridded, self._capacities.voxels)
-        lattice = lattice_of(self._store, group, shape)
-        self._objects = Objects(self._store, group, workers, self._capacities.read_buffer)
-        marks = self._preprocess(lattice)
-        outliers = Outliers(self._store, group)
-        self._voxel_rays = VoxelRays(lattice.shape, self._capacities.candidates)
-        self._locks = new_locks()
-        self._flight = Flight(self._capacities.rays, lattice, marks, outliers, workers)
-
-        hits = Spool(HIT, self._capacities.hits, self._scratch)
-        waiting = Spool(QUEUED, self._capacities.queue, self._scratch)
-        following = Spool(QUEUED, self._capacities.queue, self._scratch)
-        queue: Queue = self._eye_rays
-        for depth in range(1, self._depth + 2):
-            with self._stats.depth() as counters:
-                if depth == 1:
-                    counters.rays.eye = len(queue)
-                self._trace(depth, queue, hits, counters)
-                with counters.phases.shading.timed():
-                    following.clear()
-                    last = depth == self._depth
-                    self._shading.shade(self._objects, hits, following, last, counters)
-                for spool in (hits, waiting, following):
-                    counters.phases.shading.spooled(spool)
-            hits.clear()
-            waiting, following = following, waiting
-            queue = waiting
-            if not len(queue):
-                break
-        self._stats.bad_rays += self._flight.bad
-        for spool in (hits, waiting, following):
-            spool.close()
-
-    def _preprocess(self, lattice: Lattice) -> NDArray[np.uint8]:
-        """The marks of the grid, from the store or made now."""
-        counters = Counters()
+        shape = resolution(group.grid_bounds, group.gridded, capacities.voxels)
+        lattice = lattice_of(store, group, shape)
         with counters.phases.preprocess.timed():
-            marks, self._stats.marks_reused = preprocess(
-                self._store,
-                self._objects,
-                lattice,
-                fresh=self._fresh_marks,
-                scratch=self._scratch,
-                counters=counters,
+            marks, self.marks_reused = preprocess(
+                store, self.objects, lattice, fresh=fresh_marks, scratch=scratch, counters=counters
             )
-        self._stats.total.add(counters)
-        return marks
+        outliers = Outliers(store, group)
+        self._voxel_rays = VoxelRays(lattice.shape, capacities.candidates)
+        self._locks = new_locks()
+        self._flight = Flight(capacities.rays, lattice, marks, outliers, workers)
 
-    def _trace(self, depth: int, queue: Queue, hits: Spool, counters: Counters) -> None:
-        """Find the nearest hit of every ray in the queue."""
-        flight, film, background = self._flight, self.film, self._background
+    @property
+    def bad(self) -> int:
+        """Rays that were NaN or had no direction."""
+        return self._flight.bad
+
+    def trace(
+        self, queue: Queue, hits: Spool, counters: Counters, tell: Callable[[int], None]
+    ) -> None:
+        """Find the nearest hit of every ray in `queue`; `tell` gets the rays finished so far.
+
+        Intersections go to `hits`. What shadow rays bring, and the background, go to the film.
+        """
+        flight, film, background = self._flight, self._film, self._background
         phases = counters.phases
-        total, done = len(queue), 0
-        self._tell(Progress(depth, 0, total))
+        done = 0
         while len(queue) or flight.active:
+            tell(done)
             with phases.traversal.timed():
                 done += flight.admit(queue, film, background, hits, counters)
                 if flight.active:
                     flight.collect(self._voxel_rays, counters)
             if flight.active:
                 with phases.intersection.timed():
-                    intersect_all(self._objects, flight, self._voxel_rays, self._locks, counters)
+                    intersect_all(self.objects, flight, self._voxel_rays, self._locks, counters)
                 with phases.traversal.timed():
                     done += flight.settle(film, background, hits, counters)
-            self._tell(Progress(depth, done, total))
+        tell(done)
 
-    def _tell(self, progress: Progress) -> None:
-        if self._report(progress) is False:
-            raise Cancelled(f"cancelled at depth {progress.depth}")
+
+def render_film(
+    store: Store,
+    camera: Camera,
+    *,
+    samples: int,
+    depth: int,
+    capacities: Capacities,
+    fresh_marks: bool,
+    scratch: Path,
+    stats: Stats,
+    report: Report,
+) -> Film:
+    """Trace one view of a scene.
+
+    Parameters
+    ----------
+    samples : int
+        A pixel; 0 is SPD's procedure.
+    depth : int
+        Hits of this depth are the last that are shaded; the eye ray's is 1.
+    """
+    film = Film(*camera.resolution, samples)
+    workers = Workers(capacities.threads)
+    spools = [
+        Spool(HIT, capacities.hits, scratch),
+        Spool(QUEUED, capacities.queue, scratch),
+        Spool(QUEUED, capacities.queue, scratch),
+    ]
+    try:
+        tracer = Tracer(
+            store,
+            film,
+            workers,
+            capacities,
+            fresh_marks=fresh_marks,
+            scratch=scratch,
+            counters=stats.total,
+        )
+        stats.marks_reused = tracer.marks_reused
+        eye = view_vectors(camera, store.origin)[0]
+        shading = Shading(store, film, eye, capacities)
+        rays = EyeRays(store, camera, samples)
+        _depths(tracer, shading, rays, spools, depth, stats, report)
+        stats.bad_rays = tracer.bad
+    finally:
+        workers.close()
+        for spool in spools:
+            spool.close()
+    return film
+
+
+def _depths(
+    tracer: Tracer,
+    shading: Shading,
+    eye_rays: EyeRays,
+    spools: list[Spool],
+    last_depth: int,
+    stats: Stats,
+    report: Report,
+) -> None:
+    """The depth loop."""
+    hits, waiting, following = spools
+    queue: Queue = eye_rays
+    depth = 0
+    while len(queue):
+        depth += 1
+        with stats.depth() as counters:
+            if depth == 1:
+                counters.rays.eye = len(queue)
+            tracer.trace(queue, hits, counters, _teller(report, depth, len(queue)))
+            with counters.phases.shading.timed():
+                following.clear()
+                shading.shade(tracer.objects, hits, following, depth >= last_depth, counters)
+            for spool in spools:
+                counters.phases.shading.spooled(spool)
+        hits.clear()
+        waiting, following = following, waiting
+        queue = waiting
+
+
+def _teller(report: Report, depth: int, total: int) -> Callable[[int], None]:
+    """What turns a count of finished rays into progress, and a False into the end."""
+
+    def tell(done: int) -> None:
+        if report(Progress(depth, done, total)) is False:
+            raise Cancelled(f"cancelled at depth {depth}, with {done} of {total} rays finished")
+
+    return tell

@@ -3,9 +3,27 @@
 A box without a point (lo > hi) belongs to a degenerate object, which nothing ever meets.
 """
 
-from libc.math cimport nextafterf, INFINITY
+from libc.math cimport INFINITY
 
 from bfrt.geometry.vector cimport Line, Vec
+
+cdef extern from *:
+    """
+    #include <stdint.h>
+    #include <string.h>
+    /* nextafterf(f, -INFINITY) for an f that is not -INFINITY, inline: a library call a coordinate
+       would be most of what a sphere's box costs. */
+    static inline float bfrt_next_down(float f) {
+        int32_t bits;
+        if (f == 0.0f)
+            return -0x1p-149f;
+        memcpy(&bits, &f, 4);
+        bits += bits < 0 ? 1 : -1;
+        memcpy(&f, &bits, 4);
+        return f;
+    }
+    """
+    float next_down "bfrt_next_down"(float f) noexcept nogil
 
 cdef packed struct Box:
     float lo[3]
@@ -19,13 +37,13 @@ cdef struct Span:
 cdef inline float below(double x) noexcept nogil:
     """The largest float32 that is not above x."""
     cdef float f = <float>x
-    return nextafterf(f, -INFINITY) if <double>f > x else f
+    return next_down(f) if <double>f > x else f
 
 
 cdef inline float above(double x) noexcept nogil:
     """The smallest float32 that is not below x."""
     cdef float f = <float>x
-    return nextafterf(f, INFINITY) if <double>f < x else f
+    return -next_down(-f) if <double>f < x else f
 
 
 cdef inline void box_clear(Box* b) noexcept nogil:
@@ -57,17 +75,15 @@ cdef inline void box_point(Box* b, Vec p) noexcept nogil:
 
 cdef inline bint slab_axis(double lo, double hi, double o, double inv, Span* s) noexcept nogil:
     """Narrow the span of t to lo <= o + t d <= hi on one axis (rules 2 and 4)."""
-    cdef double a, b
+    cdef double a, b, first, second
     if inv == 0.0:
         return lo <= o <= hi
     a = (lo - o) * inv
     b = (hi - o) * inv
-    if inv < 0.0:
-        a, b = b, a
-    if a > s.near:
-        s.near = a
-    if b < s.far:
-        s.far = b
+    first = a if a < b else b
+    second = b if a < b else a
+    s.near = first if first > s.near else s.near
+    s.far = second if second < s.far else s.far
     return s.near <= s.far
 
 

@@ -200,18 +200,18 @@ cdef inline uint64_t voxel_count(const Grid* g) noexcept nogil:
     return <uint64_t>g.n[0] * g.n[1] * g.n[2]
 
 
-cdef inline bint begins_here(const Range* r, int face, int x, int y, int z) noexcept nogil:
-    """Whether the range begins at this voxel for a ray that came by this face."""
-    if face == LOW:
-        return x == r.lo[0]
-    if face == HIGH:
-        return x == r.hi[0]
-    if face == LOW + 1:
-        return y == r.lo[1]
-    if face == HIGH + 1:
-        return y == r.hi[1]
-    if face == LOW + 2:
-        return z == r.lo[2]
-    if face == HIGH + 2:
-        return z == r.hi[2]
-    return True
+cdef inline int row_faces(const Range* r, int y, int z) noexcept nogil:
+    """The faces, as bits, by which a ray may have come into the range in a row of voxels along x.
+
+    START always counts: the walk began inside. The low and the high end of the row add LOW, HIGH.
+    """
+    return (
+        1 << START
+        | (y == r.lo[1]) << (LOW + 1) | (y == r.hi[1]) << (HIGH + 1)
+        | (z == r.lo[2]) << (LOW + 2) | (z == r.hi[2]) << (HIGH + 2)
+    )
+
+
+cdef inline int voxel_faces(const Range* r, int row, int x) noexcept nogil:
+    """The same for the voxel at x of the row."""
+    return row | (x == r.lo[0]) << LOW | (x == r.hi[0]) << HIGH

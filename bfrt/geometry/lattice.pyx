@@ -39,7 +39,7 @@ cdef class Lattice:
             first = lo[k] - 4.0 * grow
             last = hi[k] + 4.0 * grow
             table = first + (last - first) * (np.arange(shape[k] + 1) / shape[k])
-            table[-1] = last
+            table[shape[k]] = last
             table.flags.writeable = False
             planes = table
             self.planes.append(table)

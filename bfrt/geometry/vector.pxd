@@ -66,10 +66,7 @@ cdef inline double largest(Vec a) noexcept nogil:
 
 
 cdef inline double inverse(double d) noexcept nogil:
-    cdef double inv
-    if d == 0.0:
-        return 0.0
-    inv = 1.0 / d
+    cdef double inv = 1.0 / d
     return inv if isfinite(inv) else 0.0
 
 

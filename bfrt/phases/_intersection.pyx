@@ -2,11 +2,12 @@
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
-from bfrt.geometry.box cimport Box, box_empty, box_span
+from bfrt.geometry.box cimport Box, Span, box_empty, box_span
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.grid cimport START, Grid, Range, begins_here, box_range
+from bfrt.geometry.grid cimport Grid, Range, box_range, row_faces, voxel_faces
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
+from bfrt.geometry.vector cimport Line
 from bfrt.phases.nearest cimport nearer, ray_line
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, VoxelRays, entry_face, entry_ray, entry_voxel, occupied,
@@ -15,8 +16,15 @@ from bfrt.records cimport INDEX_BITS, Ray
 from bfrt.scene.sweep cimport Sweep
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
+cdef extern from *:
+    """
+    #define bfrt_prefetch(p) __builtin_prefetch(p)
+    """
+    void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
+
 cdef enum:
     PENDING = 64  # rays that meet a box before its object is brought in
+    AHEAD = 4     # entries whose rays are fetched while the first is tested
 
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
@@ -61,29 +69,39 @@ cdef void meet_pending(Search* s) noexcept nogil:
 
 cdef inline void meet_box(Search* s, uint32_t ray) noexcept nogil:
     """Test a ray of the box's voxels against the box itself."""
-    cdef Ray* r = &s.rays[ray]
-    cdef Meeting* m = &s.meetings[s.pending]
-    s.box_tests += 1
-    m.line = ray_line(r)
-    # Strictly nearer objects are culled by >, never by >=: a tie goes to the smaller id.
-    if not box_span(s.box, s.grid.grow, &m.line, &m.span) or m.span.near > atomic_load(&r.t):
+    cdef const Ray* r = &s.rays[ray]
+    cdef double t = atomic_load(&r.t)
+    cdef Line l
+    cdef Span span
+    cdef Meeting* m
+    if t < 0.0:  # a shadow ray that has met something already
         return
+    s.box_tests += 1
+    l = ray_line(r)
+    # What is nearer is culled by >, never by >=: a tie goes to the smaller id.
+    if not box_span(s.box, s.grid.grow, &l, &span) or span.near > t:
+        return
+    m = &s.meetings[s.pending]
+    m.line = l
+    m.span = span
     m.mark = ray
     s.pending += 1
     if s.pending == PENDING:
         meet_pending(s)
 
 
-cdef void meet_row(Search* s, VoxelRays v, int x0, int x1, int y, int z) noexcept nogil:
+cdef inline void meet_row(Search* s, VoxelRays v, int x0, int x1, int y, int z) noexcept nogil:
     """The rays in a row of voxels; a row's entries lie side by side."""
     cdef int64_t row = s.grid.n[0] * (y + s.grid.n[1] * <int64_t>z)
-    cdef int64_t i
+    cdef int64_t i = v.start[row + x0]
+    cdef int64_t end = v.start[row + x1 + 1]
     cdef uint64_t entry
-    cdef int face
-    for i in range(v.start[row + x0], v.start[row + x1 + 1]):
+    cdef int faces = row_faces(&s.range, y, z)
+    while i < end:
+        prefetch(&s.rays[entry_ray(v.entries[min(i + AHEAD, end - 1)])])
         entry = v.entries[i]
-        face = entry_face(entry)
-        if face == START or begins_here(&s.range, face, entry_voxel(entry) - row, y, z):
+        i += 1
+        if voxel_faces(&s.range, faces, entry_voxel(entry) - row) >> entry_face(entry) & 1:
             meet_box(s, entry_ray(entry))
 
 

@@ -1,0 +1,198 @@
+"""bfrt against POV-Ray: the same NFF scene, the same rays, whole commands in turn.
+
+::
+
+    python bench/povray.py rings 36 --runs 3
+
+writes the scene as NFF and as a POV-Ray file (beforehand, not timed), then runs both commands in
+turn: ``bfrt render X.nff -o X.png`` and ``povray X.pov``, both with 513 x 513 eye rays and depth
+5. It prints a table of seconds and peak memory: medians of the runs, and the ratios.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+import bfrt
+from bfrt.records import Kind
+from bfrt.scene.nff import read_nff
+
+
+class PovWriter:
+    """Takes a scene as a scene writer does, and writes POV-Ray's language."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+        self._lights: list[bfrt.Light] = []
+        self._materials: list[bfrt.Material] = []
+        self._declared = 0
+        file.write("#version 3.7;\n")
+
+    def camera(self, camera: bfrt.Camera) -> None:
+        """POV-Ray is left-handed: x is mirrored. Its rays go through pixel centers, of which the
+        outermost of 513 are where SPD wants the corners of 512 pixels."""
+        width, height = camera.resolution
+        half = math.tan(math.radians(camera.angle) / 2)
+        angle = 2 * math.degrees(math.atan(half * (width + 1) / width))
+        forward = np.subtract(camera.at, camera.eye)
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, camera.up)
+        right = right / np.linalg.norm(right)
+        up = np.cross(right, forward)
+        self.size = (width + 1, height + 1)
+        self._file.write(
+            f"camera {{ location {vec(camera.eye)} direction {vec(forward)} "
+            f"right {vec(right * 2 * math.tan(math.radians(angle) / 2))} "
+            f"up {vec(up * 2 * math.tan(math.radians(angle) / 2))} }}\n"
+            "global_settings { assumed_gamma 1 max_trace_level 5 adc_bailout 0 }\n"
+        )
+
+    def light(self, light: bfrt.Light) -> None:
+        self._lights.append(light)
+
+    def background(self, color: tuple[float, float, float]) -> None:
+        self._file.write(f"background {{ rgb {vec(color)} }}\n")
+
+    def material(self, material: bfrt.Material) -> int:
+        if material in self._materials:
+            return self._materials.index(material)
+        self._materials.append(material)
+        return len(self._materials) - 1
+
+    def append(self, kind: Kind, records: Any, materials: Any) -> None:
+        self._declare()
+        for r, m in zip(records.tolist(), materials.tolist(), strict=True):
+            self._file.write(SHAPES[kind](r) + f" texture {{ M{m} }} }}\n")
+
+    def append_polygons(self, vertices: Any, counts: Any, materials: Any) -> None:
+        self._declare()
+        at = 0
+        for n, m in zip(counts.tolist(), materials.tolist(), strict=True):
+            points = [vec(p) for p in vertices[at : at + n]]
+            at += n
+            outline = ", ".join([*points, points[0]])
+            self._file.write(f"polygon {{ {n + 1}, {outline} texture {{ M{m} }} }}\n")
+
+    def finish(self) -> None:
+        """Lights come last, when their number is known."""
+        n = len(self._lights)
+        intensity = math.sqrt(n) / (2 * n)
+        for light in self._lights:
+            color = vec([c * intensity for c in light.color])
+            self._file.write(f"light_source {{ {vec(light.position)} rgb {color} }}\n")
+
+    def _declare(self) -> None:
+        for number in range(self._declared, len(self._materials)):
+            m = self._materials[number]
+            self._file.write(
+                f"#declare M{number} = texture {{ pigment {{ rgb {vec(m.color)} "
+                f"transmit {m.transmittance} }} finish {{ ambient 0.2 diffuse {m.kd} "
+                f"phong {m.ks} phong_size {m.shine} reflection {{ {m.ks} }} }} }}\n"
+            )
+        self._declared = len(self._materials)
+
+
+def vec(v: Any) -> str:
+    """A vector of POV-Ray's."""
+    return f"<{float(v[0]):.9g}, {float(v[1]):.9g}, {float(v[2]):.9g}>"
+
+
+def _cone(r: list[float]) -> str:
+    if r[3] == r[7]:
+        return f"cylinder {{ {vec(r)}, {vec(r[4:])}, {r[3]:.9g} open"
+    return f"cone {{ {vec(r)}, {r[3]:.9g}, {vec(r[4:])}, {r[7]:.9g} open"
+
+
+SHAPES = {
+    Kind.SPHERE: lambda r: f"sphere {{ {vec(r)}, {r[3]:.9g}",
+    Kind.CONE: _cone,
+    Kind.TRIANGLE: lambda r: f"triangle {{ {vec(r)}, {vec(r[3:])}, {vec(r[6:])}",
+    Kind.PATCH: lambda r: (
+        f"smooth_triangle {{ {vec(r)}, {vec(r[9:])}, {vec(r[3:])}, {vec(r[12:])}, "
+        f"{vec(r[6:])}, {vec(r[15:])}"
+    ),
+}
+
+
+def write_pov(nff: Path, pov: Path) -> tuple[int, int]:
+    """Write a scene as POV-Ray has it; returns the picture's size."""
+    with pov.open("w") as file:
+        writer = PovWriter(file)
+        read_nff(nff, writer)
+        writer.finish()
+    return writer.size
+
+
+def timed(command: list[str]) -> tuple[float, int]:
+    """Seconds and peak bytes of a command that must succeed."""
+    start = time.perf_counter()
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=os.environ
+    )
+    assert process.stderr is not None
+    said = process.stderr.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds = time.perf_counter() - start
+    if status:
+        raise SystemExit(f"{command}: {said.decode(errors='replace')[-500:]}")
+    return seconds, usage.ru_maxrss * 1024
+
+
+def compare(name: str, size: int, runs: int, folder: Path, threads: int) -> str:
+    """One row of the table."""
+    nff, pov = folder / f"{name}{size}.nff", folder / f"{name}{size}.pov"
+    with nff.open("w") as file:
+        bfrt.spd.scene(name, size).write_nff(file)
+    width, height = write_pov(nff, pov)
+    ours = [
+        sys.executable, "-m", "bfrt", "render", str(nff), "-o", str(folder / "ours.png"),
+        "--memory", "256MiB", "--threads", str(threads), "--quiet",
+    ]  # fmt: skip
+    theirs = [
+        "povray", f"+I{pov}", f"+O{folder / 'theirs.png'}", f"+W{width}", f"+H{height}", "-D", "-A",
+        f"+WT{threads}", "+Q9",
+    ]  # fmt: skip
+    results = [(timed(ours), timed(theirs)) for _ in range(runs)]
+    (t1, m1), (t2, m2) = (
+        [statistics.median(run[who][what] for run in results) for what in (0, 1)]
+        for who in (0, 1)
+    )
+    ratio = statistics.median(run[1][0] / run[0][0] for run in results)
+    return (
+        f"{name} {size:>4}  {t1:8.2f} {m1 / 2**20:8.0f}  {t2:8.2f} {m2 / 2**20:8.0f}  "
+        f"{ratio:6.2f} {m1 / m2:6.2f}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("name")
+    parser.add_argument("sizes", type=int, nargs="+")
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=os.cpu_count())
+    arguments = parser.parse_args()
+    if shutil.which("povray") is None:
+        raise SystemExit("povray is not installed")
+    print("             bfrt s      MiB  povray s      MiB  faster memory")
+    for size in arguments.sizes:
+        with tempfile.TemporaryDirectory() as folder:
+            row = compare(
+                arguments.name, size, arguments.runs, Path(folder), arguments.threads
+            )
+            print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()
