@@ -1,0 +1,298 @@
+"""The command ``bfrt``.
+
+Exit status: 0 for success, 1 for bad input, 2 for wrong use or a refused budget, 130 for an
+interrupt.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bfrt
+from bfrt.budget import parse_memory
+from bfrt.convert import convert, is_store, parse_spd, read_view
+from bfrt.errors import BfrtError, BudgetError, SettingError
+from bfrt.image.picture import SUFFIXES
+from bfrt.render import render, scratch_folder
+from bfrt.scene.model import Camera
+from bfrt.scene.store import Store, bounds_to, open_store
+from bfrt.streams.aside import aside
+
+BAD_INPUT = 1
+WRONG_USE = 2
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    options = parser().parse_args(arguments)
+    logging.basicConfig(
+        format="bfrt: %(message)s", level=logging.ERROR if options.quiet else logging.WARNING
+    )
+    try:
+        options.run(options)
+    except (BudgetError, SettingError) as error:
+        return fail(error, WRONG_USE)
+    except (BfrtError, OSError) as error:
+        return fail(error, BAD_INPUT)
+    except KeyboardInterrupt:
+        return fail("interrupted", INTERRUPTED)
+    return 0
+
+
+def fail(error: object, status: int) -> int:
+    """Say what went wrong, in one line."""
+    print(f"bfrt: {error}", file=sys.stderr)
+    return status
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    top = argparse.ArgumentParser(
+        prog="bfrt",
+        description="Ray trace scenes larger than memory, out of core, inside a memory budget.",
+    )
+    top.add_argument("--version", action="version", version=f"bfrt {bfrt.__version__}")
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    add_convert(commands)
+    add_render(commands)
+    add_spd(commands)
+    add_info(commands)
+    add_verify(commands)
+    return top
+
+
+def command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], None], about: str
+) -> argparse.ArgumentParser:
+    """One command, with what all have."""
+    made: argparse.ArgumentParser = commands.add_parser(name, help=about, description=about)
+    made.add_argument("--quiet", action="store_true", help="no progress bar and no warnings")
+    made.set_defaults(run=run)
+    return made
+
+
+def add_convert(commands: Any) -> None:
+    made = command(commands, "convert", run_convert, "Stream a scene file into a scene store.")
+    made.add_argument("input", help="an NFF file, - for standard input, or spd:NAME:SIZE")
+    made.add_argument("-o", "--output", required=True, help="the store to make (X.bfrt)")
+    made.add_argument("--dtype", choices=("float32", "float64"), default="float32")
+
+
+def add_render(commands: Any) -> None:
+    made = command(commands, "render", run_render, "Render a scene inside a memory budget.")
+    made.add_argument("input", help="a scene store, an NFF file, -, or spd:NAME:SIZE")
+    made.add_argument(
+        "-o", "--output", action="append", required=True, metavar="FILE",
+        help="picture to write: .exr, .png or .npy; may be repeated",
+    )  # fmt: skip
+    made.add_argument(
+        "--memory", help="budget of the whole process, as 256MiB or 1GB (default: a quarter)"
+    )
+    made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    made.add_argument(
+        "--samples", type=int, metavar="N",
+        help="stratified samples a pixel (default: one ray at each pixel corner)",
+    )  # fmt: skip
+    made.add_argument("--depth", type=int, default=5, metavar="N", help="hits along a path (5)")
+    made.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"))
+    made.add_argument("--view", metavar="FILE", help="take the view (v) of this NFF file")
+    vector = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
+    made.add_argument("--from", dest="eye", help="where the eye is", **vector)
+    made.add_argument("--at", help="what it looks at", **vector)
+    made.add_argument("--up", help="which way is up", **vector)
+    made.add_argument("--angle", type=float, help="degrees from bottom to top")
+    made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
+    made.add_argument("--stats", metavar="FILE", help="write counters as JSON")
+    made.add_argument("--table", action="store_true", help="print counters as a table")
+    made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
+    made.add_argument(
+        "--fresh-marks", action="store_true", help="make the voxel marks of the store again"
+    )
+
+
+def add_spd(commands: Any) -> None:
+    names = ", ".join(bfrt.spd.NAMES)
+    made = command(commands, "spd", run_spd, "Make a standard scene of any size.")
+    made.add_argument("name", help=names)
+    made.add_argument("size", help="the size factor, 1 or more")
+    made.add_argument("-o", "--output", metavar="DIR", help="the store to make")
+    made.add_argument("--nff", metavar="FILE", help="write NFF text (- for standard output)")
+
+
+def add_info(commands: Any) -> None:
+    made = command(commands, "info", run_info, "Show what a scene store holds.")
+    made.add_argument("store")
+    made.add_argument("--json", action="store_true", help="the same as JSON")
+
+
+def add_verify(commands: Any) -> None:
+    made = command(commands, "verify", run_verify, "Read a whole store and check its checksums.")
+    made.add_argument("store")
+
+
+def run_convert(options: argparse.Namespace) -> None:
+    with reading_bar(options.input, options.quiet) as progress:
+        convert(options.input, options.output, dtype=options.dtype, progress=progress)
+
+
+def run_render(options: argparse.Namespace) -> None:
+    check_outputs(options.output)
+    memory = None if options.memory is None else parse_memory(options.memory)
+    with opened(options) as store:
+        image = render(
+            store,
+            memory=memory,
+            threads=options.threads,
+            camera=camera_of(options, store),
+            samples=options.samples,
+            depth=options.depth,
+            fresh_marks=options.fresh_marks,
+            scratch=options.scratch,
+            progress=wants_bar(options.quiet),
+        )
+    for output in options.output:
+        image.save(output, half=options.half and output.lower().endswith(".exr"))
+    assert image.stats is not None
+    if options.stats:
+        Path(options.stats).write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
+    if options.table:
+        print(image.stats.table())
+
+
+def run_spd(options: argparse.Namespace) -> None:
+    if options.output is None and options.nff is None:
+        raise SettingError("spd: nothing to make: expected -o DIR, --nff FILE or both")
+    scene = parse_spd(f"spd:{options.name}:{options.size}")
+    if options.nff == "-":
+        scene.write_nff(sys.stdout)
+    elif options.nff is not None:
+        with aside(options.nff) as path, path.open("w") as file:
+            scene.write_nff(file)
+    if options.output is not None:
+        scene.write(options.output)
+
+
+def run_info(options: argparse.Namespace) -> None:
+    facts = describe(open_store(options.store))
+    if options.json:
+        print(json.dumps(facts, indent=1))
+        return
+    for key, value in facts.items():
+        if key == "streams":
+            for stream in value:
+                print("  ".join(f"{k} {v}" for k, v in stream.items()))
+        else:
+            print(f"{key}: {value}")
+
+
+def run_verify(options: argparse.Namespace) -> None:
+    store = open_store(options.store)
+    store.verify()
+    if not options.quiet:
+        print(f"{store.path}: {store.objects} objects, {store.bytes} bytes, all as written")
+
+
+def describe(store: Store) -> dict[str, Any]:
+    """What ``info`` shows."""
+    camera = store.camera
+    return {
+        "store": str(store.path),
+        "objects": store.objects,
+        "bytes": store.bytes,
+        "bytes_per_object": round(store.bytes / max(store.objects, 1), 2),
+        "origin": list(store.origin),
+        "bounds": bounds_to(store.bounds),
+        "camera": None if camera is None else camera.__dict__,
+        "lights": len(store.lights),
+        "materials": len(store.materials()),
+        "outliers": sum(len(group.outliers) for group in store.groups),
+        "streams": [
+            {
+                "group": stream.group,
+                "kind": stream.kind.label,
+                "objects": stream.count,
+                "degenerate": stream.degenerate,
+                "dtype": "float64" if stream.wide else "float32",
+                "bytes": sum(facts.bytes for facts in stream.files.values()),
+            }
+            for stream in store.streams
+        ],
+    }
+
+
+def check_outputs(outputs: list[str]) -> None:
+    """Refuse a suffix before the work, not after it."""
+    for output in outputs:
+        if Path(output).suffix.lower() not in SUFFIXES:
+            raise SettingError(
+                f"{output}: found suffix {Path(output).suffix!r}, expected {', '.join(SUFFIXES)}"
+            )
+
+
+@contextmanager
+def opened(options: argparse.Namespace) -> Iterator[Store]:
+    """The store to render: as given, or converted in the scratch folder and removed after."""
+    if is_store(options.input):
+        yield open_store(options.input)
+        return
+    folder = scratch_folder(options.scratch, Path(options.output[0]))
+    temporary = Path(tempfile.mkdtemp(prefix="bfrt-", dir=folder))
+    try:
+        with reading_bar(options.input, options.quiet) as progress:
+            name = Path(options.input.replace(":", "-")).stem or "scene"
+            store = convert(options.input, temporary / f"{name}.bfrt", progress=progress)
+        yield store
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def camera_of(options: argparse.Namespace, store: Store) -> Camera | None:
+    """The scene's camera, or another's, with what was asked for instead."""
+    camera = store.camera if options.view is None else read_view(options.view)
+    asked = {
+        "eye": options.eye and tuple(options.eye),
+        "at": options.at and tuple(options.at),
+        "up": options.up and tuple(options.up),
+        "angle": options.angle,
+        "resolution": options.resolution and tuple(options.resolution),
+    }
+    changes: dict[str, Any] = {key: value for key, value in asked.items() if value is not None}
+    if camera is None and "eye" in changes and "at" in changes:
+        return Camera(**changes)
+    if camera is None:
+        raise SettingError(f"{options.input}: has no camera: expected --from and --at, or --view")
+    return replace(camera, **changes)
+
+
+def wants_bar(quiet: bool) -> bool:
+    """A bar is shown on a terminal only, and where tqdm is there."""
+    if quiet or not sys.stderr.isatty():
+        return False
+    try:
+        import tqdm  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+@contextmanager
+def reading_bar(source: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
+    """A bar of the bytes of a file that are read."""
+    if not wants_bar(quiet) or not Path(source).is_file():
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=Path(source).stat().st_size, unit="B", unit_scale=True, desc="convert") as bar:
+        yield lambda done: bar.update(done - bar.n) and None
