@@ -8,12 +8,14 @@ in spools.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from bfrt.errors import BudgetError, SettingError
+from bfrt.phases.preprocess import resolution
 from bfrt.records import (
     AOV_BYTES,
     CANDIDATE_BYTES,
@@ -151,8 +153,8 @@ def capacities(
         )
     left = memory - fixed
     voxels = int(min(left * GRID_PART / VOXEL_BYTES, 1 << VOXEL_BITS))
-    objects = max(group.gridded for group in store.groups)
-    left -= int(min(voxels, 2 * objects + 64) * VOXEL_BYTES)
+    grids = [resolution(group.grid_bounds, group.gridded, voxels) for group in store.groups]
+    left -= int(max(math.prod(shape) for shape in grids) * VOXEL_BYTES)
     rays = min(int(left * FLYING_PART / FLYING_BYTES), 1 << RAY_BITS)
     others = (left - rays * FLYING_BYTES) // 2
     return Capacities(

@@ -30,6 +30,7 @@ cdef struct Grid:
     const double* plane[3]  # n + 1 of them an axis, ascending
     double inverse[3]       # voxels per length
     double grow             # d: 2^-30 of the diagonal of the scene's bounds
+    double slack[3]         # voxels by which arithmetic may differ from the table, and 2d
 
 cdef struct Range:
     int lo[3]
@@ -72,6 +73,13 @@ cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil
     for k in range(3):
         r.lo[k] = locate(g, k, b.lo[k] - 2.0 * g.grow)
         r.hi[k] = locate(g, k, b.hi[k] + 2.0 * g.grow)
+
+
+cdef inline int roughly(const Grid* g, int k, double x, double slack) noexcept nogil:
+    """The voxel of axis k that holds x, by arithmetic, moved by `slack` voxels."""
+    cdef double guess = (x - g.plane[k][0]) * g.inverse[k] + slack
+    guess = guess if guess > 0.0 else 0.0
+    return <int>(guess if guess < g.n[k] - 1 else g.n[k] - 1)
 
 
 cdef inline double crossing(const Walk* w, int k, int plane) noexcept nogil:

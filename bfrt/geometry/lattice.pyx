@@ -46,6 +46,9 @@ cdef class Lattice:
             self.grid.n[k] = shape[k]
             self.grid.plane[k] = &planes[0]
             self.grid.inverse[k] = shape[k] / (last - first)
+            self.grid.slack[k] = shape[k] * 2.0**-48 + self.grid.inverse[k] * (
+                2.0 * grow + 2.0**-48 * (abs(first) + abs(last))
+            )
 
     @property
     def voxels(self):

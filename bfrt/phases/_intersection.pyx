@@ -4,7 +4,7 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Span, box_empty, box_span
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.grid cimport Grid, Range, box_range, row_faces, voxel_faces
+from bfrt.geometry.grid cimport Grid, Range, box_range, roughly, row_faces, voxel_faces
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
 from bfrt.geometry.vector cimport Line
@@ -13,7 +13,7 @@ from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, VoxelRays, entry_face, entry_ray, entry_voxel, occupied,
 )
 from bfrt.records cimport INDEX_BITS, Ray
-from bfrt.scene.sweep cimport Sweep
+from bfrt.scene.sweep cimport Sweep, advance
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -23,8 +23,7 @@ cdef extern from *:
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
 
 cdef enum:
-    PENDING = 64  # rays that meet a box before its object is brought in
-    AHEAD = 4     # entries whose rays are fetched while the first is tested
+    PENDING = 64  # rays that are gathered before they are tested, against box or object
 
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
@@ -41,6 +40,8 @@ cdef struct Search:
     Range range
     Shape shape
     bint loaded
+    int gathered
+    uint32_t rays_near[PENDING]
     int pending
     Meeting meetings[PENDING]
     int64_t box_tests
@@ -90,19 +91,34 @@ cdef inline void meet_box(Search* s, uint32_t ray) noexcept nogil:
         meet_pending(s)
 
 
+cdef void meet_boxed(Search* s) noexcept nogil:
+    """Test the gathered rays against the box."""
+    cdef int i
+    for i in range(s.gathered):
+        meet_box(s, s.rays_near[i])
+    s.gathered = 0
+
+
+cdef inline void gather(Search* s, uint32_t ray) noexcept nogil:
+    """Note a ray, and have it fetched from memory while others are looked for."""
+    prefetch(&s.rays[ray].ox)
+    prefetch(&s.rays[ray].t)
+    s.rays_near[s.gathered] = ray
+    s.gathered += 1
+    if s.gathered == PENDING:
+        meet_boxed(s)
+
+
 cdef inline void meet_row(Search* s, VoxelRays v, int x0, int x1, int y, int z) noexcept nogil:
     """The rays in a row of voxels; a row's entries lie side by side."""
     cdef int64_t row = s.grid.n[0] * (y + s.grid.n[1] * <int64_t>z)
-    cdef int64_t i = v.start[row + x0]
-    cdef int64_t end = v.start[row + x1 + 1]
+    cdef int64_t i
     cdef uint64_t entry
     cdef int faces = row_faces(&s.range, y, z)
-    while i < end:
-        prefetch(&s.rays[entry_ray(v.entries[min(i + AHEAD, end - 1)])])
+    for i in range(v.start[row + x0], v.start[row + x1 + 1]):
         entry = v.entries[i]
-        i += 1
         if voxel_faces(&s.range, faces, entry_voxel(entry) - row) >> entry_face(entry) & 1:
-            meet_box(s, entry_ray(entry))
+            gather(s, entry_ray(entry))
 
 
 cdef void meet_brick(Search* s, VoxelRays v, int level, int bx, int by, int bz) noexcept nogil:
@@ -127,6 +143,27 @@ cdef void meet_brick(Search* s, VoxelRays v, int level, int bx, int by, int bz) 
                 meet_brick(s, v, level - 1, x, y, z)
 
 
+cdef inline bint rays_near(const Box* b, const Grid* g, VoxelRays v) noexcept nogil:
+    """Whether any brick that the box may touch holds a ray: false for most boxes, at once.
+
+    Arithmetic with some slack, in place of the table: it never misses a brick of the range.
+    """
+    cdef int lo[3]
+    cdef int hi[3]
+    cdef int k, x, y, z
+    for k in range(3):
+        lo[k] = roughly(g, k, b.lo[k], -g.slack[k]) >> BRICK_BITS
+        hi[k] = roughly(g, k, b.hi[k], g.slack[k]) >> BRICK_BITS
+        if hi[k] - lo[k] > 3:
+            return True
+    for z in range(lo[2], hi[2] + 1):
+        for y in range(lo[1], hi[1] + 1):
+            for x in range(lo[0], hi[0] + 1):
+                if occupied(v, 1, x, y, z):
+                    return True
+    return False
+
+
 cdef int covering_level(const Range* r, int levels) noexcept nogil:
     """The finest level of which few bricks cover a range."""
     cdef int level = 1
@@ -147,6 +184,7 @@ cdef void meet_rays(Search* s, VoxelRays v) noexcept nogil:
         for y in range(s.range.lo[1] >> down, (s.range.hi[1] >> down) + 1):
             for x in range(s.range.lo[0] >> down, (s.range.hi[0] >> down) + 1):
                 meet_brick(s, v, level, x, y, z)
+    meet_boxed(s)
     if s.pending:
         meet_pending(s)
 
@@ -175,13 +213,13 @@ def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray
     s.frame = &sweep.frame
     s.kind = sweep.kind
     s.box = &sweep.box
-    s.pending = 0
+    s.gathered = s.pending = 0
     s.box_tests = s.object_tests = 0
     with nogil:
         for i in range(n):
             s.id = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
-            sweep.advance()
-            if box_empty(&sweep.box):
+            advance(sweep)
+            if box_empty(&sweep.box) or not rays_near(&sweep.box, s.grid, voxel_rays):
                 continue
             s.record = sweep.record
             s.count = sweep.count

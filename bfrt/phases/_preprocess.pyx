@@ -5,7 +5,7 @@ from libc.stdint cimport int64_t, uint8_t
 from bfrt.geometry.box cimport box_empty
 from bfrt.geometry.grid cimport HIGH, LOW, Grid, Range, box_range
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.scene.sweep cimport Sweep
+from bfrt.scene.sweep cimport Sweep, advance
 from bfrt.streams.atomic cimport atomic_or
 
 
@@ -38,7 +38,7 @@ def mark(Sweep sweep, int64_t n, Lattice lattice, uint8_t[::1] marks):
     cdef Range r
     with nogil:
         for i in range(n):
-            sweep.advance()
+            advance(sweep)
             if box_empty(&sweep.box):
                 continue
             box_range(&lattice.grid, &sweep.box, &r)

@@ -15,7 +15,7 @@ from bfrt.image.film cimport Film, film_add
 from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
-from bfrt.scene.sweep cimport Sweep
+from bfrt.scene.sweep cimport Sweep, advance, advance_material
 
 cdef struct Bent:
     bint total   # total internal reflection: there is no refracted ray
@@ -111,8 +111,8 @@ cdef class Shader:
         cdef Box box
         with nogil:
             for i in range(n):
-                sweep.advance()
-                sweep.advance_material()
+                advance(sweep)
+                advance_material(sweep)
                 if at == hits.shape[0] or hits[at].id != id + <uint64_t>i:
                     continue
                 if sweep.material >= self.palette.shape[0]:

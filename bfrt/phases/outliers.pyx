@@ -10,7 +10,7 @@ from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 import numpy as np
 
 from bfrt.geometry.shape cimport shape_bounds, shape_load
-from bfrt.scene.sweep cimport Sweep
+from bfrt.scene.sweep cimport Sweep, advance
 from bfrt.records import INDEX_BITS
 from bfrt.scene.sweep import Sweep as SweepType
 
@@ -39,7 +39,7 @@ cdef class Outliers:
             stream = streams[id >> INDEX_BITS]
             sweep = SweepType(stream, store.origin, np.empty(0, np.int64), 4096)
             sweep.window(index, index + 1)
-            sweep.advance()
+            advance(sweep)
             size = sweep.stride * (sweep.count if sweep.count else 1)
             record = sweep.record[:size]
             self.records.append(record)

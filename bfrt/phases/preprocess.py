@@ -24,6 +24,10 @@ from bfrt.stats import Counters
 
 log = logging.getLogger(__name__)
 
+#: Voxels for each object of the grid. One is the rule's; two measured better, with entry marks,
+#: on rings of 8 thousand and of a million objects: fewer boxes to test, few more steps to walk.
+VOXELS_EACH = 2
+
 #: A box grows by this part of the diagonal of the scene's bounds when rays meet it.
 GROW = 2.0**-30
 
@@ -34,7 +38,7 @@ def growth(store: Store) -> float:
 
 
 def resolution(bounds: Bounds, objects: int, most: int) -> tuple[int, int, int]:
-    """Voxels an axis: cubic ones, about as many as objects, `most` of them at the most.
+    """Voxels an axis: cubic ones, in proportion to the objects, `most` of them at the most.
 
     The rule is Klimaszewski and Sederberg's (1997).
     """
@@ -43,7 +47,7 @@ def resolution(bounds: Bounds, objects: int, most: int) -> tuple[int, int, int]:
     sides = bounds.grid_sides()
     if not sides.all():  # one point: any side will do
         return (1, 1, 1)
-    voxels = max(1, min(objects, most))
+    voxels = max(1, min(VOXELS_EACH * objects, most))
     while True:
         side = float(np.prod(sides / sides.max())) ** (1 / 3) * float(sides.max())
         side /= voxels ** (1 / 3)

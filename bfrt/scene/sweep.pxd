@@ -1,10 +1,16 @@
 """A sweep over one stream's objects: box and geometry of each, in order, without the GIL."""
 
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport int64_t, uint16_t, uint32_t
 
-from bfrt.geometry.box cimport Box
+from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.streams.reader cimport Reader
+from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_load
+from bfrt.records cimport POLYGON
+from bfrt.streams.reader cimport Reader, take
+
+cdef enum:
+    BOX_BYTES = 24
+    OFFSET_BYTES = 4
 
 
 cdef class Sweep:
@@ -31,5 +37,43 @@ cdef class Sweep:
     cpdef int window(self, int64_t first, int64_t last) except -1
     cdef int64_t end_of(self, int64_t index) except -1
     cpdef int material_window(self, int64_t first, int64_t last) except -1
-    cdef int advance(self) except -1 nogil
-    cdef int advance_material(self) except -1 nogil
+
+
+cdef inline int advance(Sweep s) except -1 nogil:
+    """Come to the next object: its record, vertex count and box."""
+    cdef uint32_t end
+    cdef Sphere sphere
+    s.count = 0
+    if s.kind == POLYGON:
+        end = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
+        s.count = end - s.vertex
+        s.vertex = end
+        s.record = take(s.geometry, s.stride * s.count)
+    else:
+        s.record = take(s.geometry, s.stride)
+    if s.boxes is not None:
+        s.box = (<const Box*>take(s.boxes, BOX_BYTES))[0]
+    elif sphere_load(s.record, &s.frame, &sphere):
+        sphere_bounds(&sphere, &s.box)
+    else:
+        box_clear(&s.box)
+    if s.outlier < s.outliers.shape[0] and s.index == s.outliers[s.outlier]:
+        s.outlier += 1
+        box_clear(&s.box)
+    s.index += 1
+    return 0
+
+
+cdef inline int advance_material(Sweep s) except -1 nogil:
+    """Come to the next object's material."""
+    cdef const unsigned char* p
+    if s.materials is None:
+        return 0
+    p = take(s.materials, s.material_bytes)
+    if s.material_bytes == 1:
+        s.material = p[0]
+    elif s.material_bytes == 2:
+        s.material = (<const uint16_t*>p)[0]
+    else:
+        s.material = (<const uint32_t*>p)[0]
+    return 0

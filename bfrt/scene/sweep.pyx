@@ -5,19 +5,13 @@ degenerate object is: nothing in the grid meets it again.
 """
 
 cimport cython
-from libc.stdint cimport int64_t, uint16_t, uint32_t
+from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.box cimport Box, box_clear
-from bfrt.geometry.shape cimport Shape, shape_bounds, shape_load
 from bfrt.geometry.vector cimport vec
 from bfrt.records cimport POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, take
 from bfrt.errors import StoreError
 from bfrt.streams.reader import Tape
-
-cdef enum:
-    BOX_BYTES = 24
-    OFFSET_BYTES = 4
 
 
 @cython.final
@@ -108,42 +102,4 @@ cdef class Sweep:
         """The same for materials, which only shading reads."""
         if self.materials is not None:
             self.materials.window(first * self.material_bytes, last * self.material_bytes)
-        return 0
-
-    cdef int advance_material(self) except -1 nogil:
-        """Come to the next object's material."""
-        cdef const unsigned char* p
-        if self.materials is None:
-            return 0
-        p = take(self.materials, self.material_bytes)
-        if self.material_bytes == 1:
-            self.material = p[0]
-        elif self.material_bytes == 2:
-            self.material = (<const uint16_t*>p)[0]
-        else:
-            self.material = (<const uint32_t*>p)[0]
-        return 0
-
-    cdef int advance(self) except -1 nogil:
-        """Come to the next object: its record, vertex count and box."""
-        cdef uint32_t end
-        cdef Shape shape
-        self.count = 0
-        if self.kind == POLYGON:
-            end = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
-            self.count = end - self.vertex
-            self.vertex = end
-            self.record = take(self.geometry, self.stride * self.count)
-        else:
-            self.record = take(self.geometry, self.stride)
-        if self.boxes is not None:
-            self.box = (<const Box*>take(self.boxes, BOX_BYTES))[0]
-        elif shape_load(SPHERE, self.record, 0, &self.frame, &shape):
-            shape_bounds(&shape, &self.box)
-        else:
-            box_clear(&self.box)
-        if self.outlier < self.outliers.shape[0] and self.index == self.outliers[self.outlier]:
-            self.outlier += 1
-            box_clear(&self.box)
-        self.index += 1
         return 0
