@@ -12,7 +12,10 @@ import math
 import os
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
+
+import numpy as np
 
 from bfrt.errors import BudgetError, SettingError
 from bfrt.phases.preprocess import resolution
@@ -72,12 +75,14 @@ def parse_memory(text: str | int) -> int:
     SettingError
         If it is not an amount of memory.
     """
-    if isinstance(text, int):
-        return text
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]*)\s*", text)
-    if match is None or match[2] not in UNITS:
+    if isinstance(text, (int, np.integer)) and not isinstance(text, bool):
+        return int(text)
+    match = isinstance(text, str) and re.fullmatch(
+        r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]*)\s*", text
+    )
+    if not match or match[2] not in UNITS:
         raise SettingError(f"memory: found {text!r}, expected an amount such as 256MiB or 1.5GB")
-    return int(float(match[1]) * UNITS[match[2]])
+    return int(Fraction(match[1]) * UNITS[match[2]])
 
 
 def format_memory(amount: int) -> str:
@@ -148,7 +153,7 @@ def capacities(
     )
     if memory < least:
         raise BudgetError(
-            f"memory: found {format_memory(memory)}, expected {format_memory(least)} or more "
+            f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more "
             f"for {width} x {height} pixels of this scene with {threads} threads"
         )
     left = memory - fixed

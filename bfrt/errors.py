@@ -6,6 +6,7 @@ Every message is one sentence that says where, what was found, and what was expe
 from __future__ import annotations
 
 import os
+from typing import Any
 
 
 class BfrtError(Exception):
@@ -38,10 +39,15 @@ class StreamError(BfrtError, OSError):
     def __init__(self, path: str | os.PathLike[str], offset: int, errno: int, doing: str) -> None:
         self.path = os.fspath(path)
         self.offset = offset
+        self._doing = doing
         super().__init__(errno, f"{self.path}: {doing} at byte {offset}: {os.strerror(errno)}")
 
     def __str__(self) -> str:
         return str(self.args[1])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by the arguments: a pool of processes hands its errors over so."""
+        return type(self), (self.path, self.offset, self.errno, self._doing)
 
 
 class DiskFullError(StreamError):
@@ -54,7 +60,11 @@ class ShortReadError(BfrtError, EOFError):
     def __init__(self, path: str | os.PathLike[str], offset: int, asked: int, left: int) -> None:
         self.path = os.fspath(path)
         self.offset = offset
+        self._sizes = asked, left
         super().__init__(
             f"{self.path}: asked for {asked} bytes at byte {offset}, found {left}: "
             "the file is truncated"
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.path, self.offset, *self._sizes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 #: Called with the worker's number and a chunk [first, last).
 Task = Callable[[int, int, int], None]
@@ -35,22 +35,27 @@ class Workers:
         chunk = max(smallest, min(largest, -(-count // (self.threads * CHUNKS_EACH))))
         starts = itertools.count(0, chunk)
         stop = threading.Event()
+        failures: list[BaseException] = []
 
         def work(worker: int) -> None:
-            while not stop.is_set() and (first := next(starts)) < count:
-                task(worker, first, min(count, first + chunk))
+            try:
+                while not stop.is_set() and (first := next(starts)) < count:
+                    task(worker, first, min(count, first + chunk))
+            except BaseException as error:
+                failures.append(error)
+                stop.set()
 
         if self._pool is None or count <= chunk:
             work(0)
-            return
-        futures = [self._pool.submit(work, worker) for worker in range(self.threads)]
-        try:
-            for future in futures:
-                future.result()
-        finally:
-            stop.set()
-            for future in futures:
-                future.exception()
+        else:
+            futures = [self._pool.submit(work, worker) for worker in range(self.threads)]
+            try:
+                wait(futures)
+            finally:  # an interrupt finds the workers at work
+                stop.set()
+                wait(futures)
+        if failures:
+            raise failures[0]
 
     def close(self) -> None:
         if self._pool is not None:

@@ -65,11 +65,11 @@ class Extent:
 
     def add(self, boxes: NDArray[np.float32], ids: NDArray[np.uint64]) -> None:
         """Take in boxes (n, 6) and the ids (n,) of their objects, in any order of blocks."""
-        with np.errstate(invalid="ignore"):
-            sides = np.maximum(boxes[:, 3:] - boxes[:, :3], 0.0).astype(np.float64)
+        sides = np.maximum(boxes[:, 3:].astype(np.float64) - boxes[:, :3], 0.0)
         sizes = (sides * sides).sum(axis=1)
         if len(self._sizes) == LARGEST:
-            large = sizes > self._sizes[-1]
+            least, last = self._sizes[-1], self._ids[-1]
+            large = (sizes > least) | ((sizes == least) & (ids < last))
         else:
             large = np.ones(len(sizes), bool)
         if len(boxes) > LARGEST and large.sum() > LARGEST:
@@ -99,6 +99,6 @@ class Extent:
         volumes = [0.0 if b.empty else float(np.prod(b.grid_sides())) for b in left]
         out = 0
         for k in range(1, len(left)):
-            if volumes[k] <= volumes[out] / 2 and not left[k].empty:
+            if 0.0 < volumes[out] >= 2 * volumes[k] and not left[k].empty:
                 out = k
         return sorted(int(i) for i in self._ids[:out]), left[out]

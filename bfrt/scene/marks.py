@@ -13,17 +13,19 @@
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 import zlib
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import ShortReadError, StoreError, StreamError
-from bfrt.scene.store import Group, Store
-from bfrt.streams.aside import aside, put
+from bfrt.errors import StoreError
+from bfrt.scene.store import Group, Store, checksum_of
+from bfrt.streams.aside import aside, put, refused
 
 MAGIC = b"bfrtmark"
 VERSION = 1
@@ -43,10 +45,10 @@ def marks_path(store: Store, group: Group, scratch: Path) -> Path:
 
 def save_marks(path: Path, store: Store, shape: Shape, marks: Marks) -> int:
     """Write marks aside and rename; returns the bytes written."""
-    header = HEADER.pack(MAGIC, VERSION, *shape, store.checksum, zlib.crc32(marks))
+    header = HEADER.pack(MAGIC, VERSION, *shape, store.checksum, zlib.crc32(marks.data))
     with aside(path) as temporary, temporary.open("wb", buffering=0) as file:
         put(file, header, path)
-        put(file, memoryview(marks), path)
+        put(file, marks.data, path)
     return len(header) + marks.nbytes
 
 
@@ -60,18 +62,16 @@ def load_marks(path: Path, store: Store, shape: Shape, into: Marks) -> bool:
     """
     try:
         with path.open("rb") as file:
-            if not _matches(path, file.read(HEADER.size), store, shape):
+            header = _header(path, file.read(HEADER.size))
+            if not _is_of(header, store, shape):
                 return False
-            expected = _checksum(path)
-            got = file.readinto(memoryview(into))
+            got = file.readinto(into.data)
             more = file.read(1)
     except FileNotFoundError:
         return False
     except OSError as error:
-        raise StreamError(path, 0, error.errno or 0, "reading") from error
-    if got != into.nbytes:
-        raise ShortReadError(path, HEADER.size, into.nbytes, got)
-    if more or zlib.crc32(into) != expected:
+        raise refused(path, 0, error, "reading") from error
+    if got != into.nbytes or more or zlib.crc32(into.data) != header.crc32:
         raise _damaged(path)
     return True
 
@@ -79,31 +79,36 @@ def load_marks(path: Path, store: Store, shape: Shape, into: Marks) -> bool:
 def verify_marks(store: Store, group: Group) -> None:
     """Check the marks in the store, if there are any."""
     path = store.path / str(group.number) / "marks"
-    if not path.exists():
+    try:
+        with path.open("rb") as file:
+            header = _header(path, file.read(HEADER.size))
+    except FileNotFoundError:
         return
-    with path.open("rb") as file:
-        header = file.read(HEADER.size)
-    if len(header) < HEADER.size:
-        raise _damaged(path)
-    shape = HEADER.unpack(header)[2:5]
-    if path.stat().st_size != HEADER.size + shape[0] * shape[1] * shape[2]:
-        raise _damaged(path)
-    into = np.empty(shape[0] * shape[1] * shape[2], np.uint8)
-    if not load_marks(path, store, shape, into):
+    except OSError as error:
+        raise refused(path, 0, error, "reading") from error
+    whole = checksum_of(path, HEADER.size) == (header.crc32, math.prod(header.shape))
+    if not (whole and _is_of(header, store, header.shape)):
         raise _damaged(path)
 
 
-def _matches(path: Path, header: bytes, store: Store, shape: Shape) -> bool:
-    if len(header) < HEADER.size or header[:8] != MAGIC:
+class Header(NamedTuple):
+    """What stands before the marks."""
+
+    version: int
+    shape: Shape
+    store: int
+    crc32: int
+
+
+def _header(path: Path, data: bytes) -> Header:
+    if len(data) < HEADER.size or data[: len(MAGIC)] != MAGIC:
         raise _damaged(path)
-    _, version, x, y, z, checksum, _ = HEADER.unpack(header)
-    return version == VERSION and (x, y, z) == tuple(shape) and checksum == store.checksum
+    _, version, x, y, z, store, crc = HEADER.unpack(data)
+    return Header(version, (x, y, z), store, crc)
 
 
-def _checksum(path: Path) -> int:
-    with path.open("rb") as file:
-        crc: int = HEADER.unpack(file.read(HEADER.size))[6]
-    return crc
+def _is_of(header: Header, store: Store, shape: Shape) -> bool:
+    return header[:3] == (VERSION, tuple(shape), store.checksum)
 
 
 def _damaged(path: Path) -> StoreError:

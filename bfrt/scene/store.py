@@ -26,10 +26,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import StoreError, StreamError
+from bfrt.errors import StoreError
 from bfrt.records import BOX_BYTES, INDEX_BITS, MATERIAL, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene.extent import NOTHING, Bounds
-from bfrt.scene.model import Camera, Light
+from bfrt.scene.header import HEADER_FIELDS, header_text
+from bfrt.scene.model import Camera, Light, Vector
+from bfrt.streams.aside import refused
 
 MAGIC = "bfrt scene store"
 VERSION = 1
@@ -143,10 +145,16 @@ class Store:
         ------
         StoreError
             If it is not what the header says.
+        StreamError
+            As the system refuses.
         """
-        data = (self.path / PALETTE).read_bytes()
+        path = self.path / PALETTE
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise refused(path, 0, error, "reading") from error
         if len(data) != self.palette.bytes or zlib.crc32(data) != self.palette.crc32:
-            raise damaged(self.path / PALETTE, self.palette)
+            raise damaged(path, self.palette)
         return np.frombuffer(data, MATERIAL)
 
     def verify(self) -> None:
@@ -174,25 +182,18 @@ def damaged(path: Path, facts: FileFacts) -> StoreError:
     )
 
 
-def checksum_of(path: Path) -> tuple[int, int]:
-    """CRC-32 and length of a file, read in blocks."""
+def checksum_of(path: Path, start: int = 0) -> tuple[int, int]:
+    """CRC-32 and length of a file from byte `start` on, read in blocks."""
     crc = length = 0
     try:
         with path.open("rb") as file:
+            file.seek(start)
             while block := file.read(1 << 22):
                 crc = zlib.crc32(block, crc)
                 length += len(block)
     except OSError as error:
-        raise StreamError(path, length, error.errno or 0, "reading") from error
+        raise refused(path, start + length, error, "reading") from error
     return crc, length
-
-
-def header_text(header: dict[str, Any]) -> str:
-    """The one text of a header: sorted, indented, with its own checksum."""
-    body = {key: value for key, value in header.items() if key != "checksum"}
-    text = json.dumps(body, indent=1, sort_keys=True, allow_nan=False)
-    body["checksum"] = zlib.crc32(text.encode())
-    return json.dumps(body, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
 def open_store(path: str | os.PathLike[str]) -> Store:
@@ -207,17 +208,23 @@ def open_store(path: str | os.PathLike[str]) -> Store:
     file = path / HEADER
     try:
         data = file.read_bytes()
-    except (FileNotFoundError, NotADirectoryError):
-        raise StoreError(
-            f"{path}: not a scene store: expected a directory with {HEADER}"
-        ) from None
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+        raise StoreError(f"{path}: not a scene store: expected a directory with {HEADER}") from None
     except OSError as error:
-        raise StreamError(file, 0, error.errno or 0, "reading") from error
+        raise refused(file, 0, error, "reading") from error
     store = _parse(path, data)
     for stream in store.streams:
         _check_sizes(stream)
     _check_size(path / PALETTE, store.palette.bytes)
     return store
+
+
+def has_magic(path: Path) -> bool:
+    """Whether a directory is a scene store of any version: what may be replaced by another."""
+    try:
+        return bool(json.loads((path / HEADER).read_bytes())["magic"] == MAGIC)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return False
 
 
 def _parse(path: Path, data: bytes) -> Store:
@@ -235,29 +242,41 @@ def _parse(path: Path, data: bytes) -> Store:
             f"{file}: found format version {version!r:.40}, expected {VERSION}: "
             "convert the scene again with this version of bfrt"
         )
-    if header_text(header).encode() != data:
+    if not _is_whole(header, data):
         raise StoreError(f"{file}: the header is damaged: its checksum does not match")
-    return _store(path, header, len(data))
+    try:
+        return _store(path, HEADER_FIELDS(header), len(data))
+    except ValueError as error:
+        raise StoreError(f"{file}: {error}") from None
+
+
+def _is_whole(header: dict[str, Any], data: bytes) -> bool:
+    """Whether the text is the one that its contents, and so its checksum, make."""
+    try:
+        return header_text(header).encode() == data
+    except (ValueError, RecursionError):  # NaN, or nested without end
+        return False
 
 
 def _store(path: Path, header: dict[str, Any], size: int) -> Store:
-    camera = header["camera"]
-    return Store(
+    store = Store(
         path=path,
-        origin=tuple(header["origin"]),
+        origin=header["origin"],
         bounds=bounds_from(header["bounds"]),
         groups=[_group(path, number, g) for number, g in enumerate(header["groups"])],
-        camera=None if camera is None else Camera(**{k: _tuple(v) for k, v in camera.items()}),
-        lights=[Light(_tuple(p), _tuple(c)) for p, c in header["lights"]],
-        background=_tuple(header["background"]),
+        camera=header["camera"],
+        lights=list(header["lights"]),
+        background=header["background"],
         palette=FileFacts(**header["palette"]),
         checksum=header["checksum"],
         header_bytes=size,
     )
-
-
-def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+    materials, rest = divmod(store.palette.bytes, MATERIAL.itemsize)
+    if rest or any(s.material >= materials for s in store.streams if s.count):
+        raise ValueError(f"palette: found {store.palette.bytes} bytes, expected all materials")
+    if not store.groups:
+        raise ValueError("groups: found none, expected one or more")
+    return store
 
 
 def _group(path: Path, number: int, group: dict[str, Any]) -> Group:
@@ -268,11 +287,19 @@ def _group(path: Path, number: int, group: dict[str, Any]) -> Group:
         rest = {k: v for k, v in stream.items() if k not in ("kind", "files")}
         folder = path / str(number) / kind.label
         streams.append(Stream(folder=folder, group=number, kind=kind, files=facts, **rest))
-    return Group(number, streams, bounds_from(group["grid_bounds"]), group["outliers"])
+    counts = {s.number: s.count for s in streams}
+    outliers = list(group["outliers"])
+    for id in outliers:
+        if id & ((1 << INDEX_BITS) - 1) >= counts.get(id >> INDEX_BITS, 0):
+            raise ValueError(f"outliers: found id {id}, expected an object of group {number}")
+    made = Group(number, streams, bounds_from(group["grid_bounds"]), outliers)
+    if made.gridded < 0 or (made.gridded > 0 and made.grid_bounds.empty):
+        raise ValueError(f"groups: found {made.gridded} objects in a grid that does not fit them")
+    return made
 
 
-def bounds_from(value: list[list[float]] | None) -> Bounds:
-    """Bounds as a header has them: two lists, or nothing at all."""
+def bounds_from(value: tuple[Vector, Vector] | None) -> Bounds:
+    """Bounds as a header has them: two corners, or nothing at all."""
     return NOTHING if value is None else Bounds(np.array(value[0]), np.array(value[1]))
 
 
@@ -282,19 +309,19 @@ def bounds_to(bounds: Bounds) -> list[list[float]] | None:
 
 def _check_sizes(stream: Stream) -> None:
     expected = stream.expected_bytes()
+    if {name: facts.bytes for name, facts in stream.files.items()} != expected:
+        raise StoreError(f"{stream.folder}: the header contradicts its own counts")
     for name, size in expected.items():
-        if name not in stream.files or stream.files[name].bytes != size:
-            raise StoreError(f"{stream.path(name)}: the header contradicts its own counts")
         _check_size(stream.path(name), size)
 
 
 def _check_size(path: Path, size: int) -> None:
     try:
         found = path.stat().st_size
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise StoreError(f"{path}: the file is missing: expected {size} bytes") from None
     except OSError as error:
-        raise StreamError(path, 0, error.errno or 0, "examining") from error
+        raise refused(path, 0, error, "examining") from error
     if found != size:
         raise StoreError(f"{path}: found {found} bytes, expected {size}: the store is truncated")
 

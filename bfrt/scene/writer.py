@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import secrets
 import shutil
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -24,6 +25,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.records import INDEX_BITS, MATERIAL, SCALARS, Kind
 from bfrt.scene._bounds import bound
 from bfrt.scene.extent import Extent
+from bfrt.scene.header import header_text
 from bfrt.scene.model import Camera, Light, Material, Vector
 from bfrt.scene.store import (
     HEADER,
@@ -32,10 +34,10 @@ from bfrt.scene.store import (
     VERSION,
     Store,
     bounds_to,
-    header_text,
+    has_magic,
     open_store,
 )
-from bfrt.streams.aside import refused
+from bfrt.streams.aside import refused, sync_folder
 from bfrt.streams.writer import FileWriter
 
 log = logging.getLogger(__name__)
@@ -60,11 +62,10 @@ class MaterialColumn:
     def append(self, materials: NDArray[np.uint32]) -> None:
         if self._count == 0 and len(materials):
             self.first = int(materials[0])
-        top = int(materials.max(initial=0))
-        if self.bytes == 0 and not (materials == self.first).all():
-            self._widen(1)
-        while self.bytes and top >> (8 * self.bytes):
-            self._widen(self.bytes * 2)
+        top = max(self.first, int(materials.max(initial=0)))
+        width = 1 if top < 1 << 8 else 2 if top < 1 << 16 else 4
+        if width > self.bytes and (self.bytes or not (materials == self.first).all()):
+            self._widen(width)
         if self._file is not None:
             self._file.write(materials.astype(f"<u{self.bytes}"))
         self._count += len(materials)
@@ -80,15 +81,21 @@ class MaterialColumn:
                 wider.write(np.full(n, self.first, f"<u{width}"))
             return
         old.close()
-        with old.path.open("rb") as file:
-            while block := file.read(BLOCK):
-                wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
-        old.path.unlink()
+        try:
+            with old.path.open("rb") as file:
+                while block := file.read(BLOCK):
+                    wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
+            old.path.unlink()
+        except OSError as error:
+            raise refused(old.path, 0, error, "reading") from error
 
     def close(self) -> FileWriter | None:
         if self._file is not None:
             self._file.close()
-            self._file.path.rename(self._path)
+            try:
+                self._file.path.rename(self._path)
+            except OSError as error:
+                raise refused(self._path, 0, error, "renaming to it") from error
         return self._file
 
     def abandon(self) -> None:
@@ -100,7 +107,10 @@ class StreamWriter:
     """One kind's files as they grow."""
 
     def __init__(self, folder: Path, group: int, kind: Kind, wide: bool) -> None:
-        folder.mkdir(parents=True)
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            raise refused(folder, 0, error, "creating") from error
         self.group = group
         self.kind = kind
         self.wide = wide
@@ -111,7 +121,13 @@ class StreamWriter:
             names.append("boxes")
         if kind == Kind.POLYGON:
             names.append("offsets")
-        self.files = {name: FileWriter(folder / name) for name in names}
+        self.files: dict[str, FileWriter] = {}
+        try:
+            for name in names:
+                self.files[name] = FileWriter(folder / name)
+        except BaseException:
+            self.abandon()
+            raise
 
     @property
     def label(self) -> str:
@@ -137,11 +153,11 @@ class StreamWriter:
                 f"{self.label} {self.count + bad}: found a number that is NaN, infinite or too "
                 f"large for float32 boxes, expected finite coordinates"
             )
+        if "offsets" in self.files:
+            self._write_offsets(counts)
         self.files["geometry"].write(flat)
         if "boxes" in self.files:
             self.files["boxes"].write(boxes)
-        if "offsets" in self.files:
-            self._write_offsets(counts)
         self.materials.append(materials)
         stream = self.group * len(Kind) + self.kind
         first = (stream << INDEX_BITS) + self.count
@@ -206,6 +222,9 @@ class SceneWriter:
         For coordinates that are not finite, shapes that do not fit, materials that do not exist.
     DiskFullError, StreamError
         As the system refuses; nothing is left behind.
+    SettingError
+        For what is in the way at `path`, and for calls after the end. An error in a block, or an
+        interrupt while one is written, is an end too: half a block is never kept.
 
     Examples
     --------
@@ -233,38 +252,56 @@ class SceneWriter:
         self._background: Vector = (0.0, 0.0, 0.0)
         self._remembered: OrderedDict[Material, int] = OrderedDict()
         self._materials = 0
-        if self.path.exists() and not (self.path / HEADER).is_file():
+        # A link is followed: its target is replaced, not the link.
+        self._target = Path(os.path.realpath(path))
+        if os.path.lexists(self._target) and not has_magic(self._target):
             raise SettingError(f"{self.path}: exists and is no scene store: it is not replaced")
-        self._aside = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
+        name = f".{self._target.name[:40]}.{secrets.token_hex(8)}.part"
+        self._aside = self._target.with_name(name)
+        self._open = True
         try:
-            shutil.rmtree(self._aside, ignore_errors=True)
-            self._aside.mkdir(parents=True)
+            (self._aside / "0").mkdir(parents=True)
         except OSError as error:
             raise refused(self._aside, 0, error, "creating") from error
-        self._palette = FileWriter(self._aside / PALETTE)
+        try:
+            self._palette = FileWriter(self._aside / PALETTE)
+        except BaseException:
+            shutil.rmtree(self._aside, ignore_errors=True)
+            raise
 
     def camera(self, camera: Camera) -> None:
         """Set the view that is rendered where no other is asked for."""
-        self._camera = camera
+        self._camera = Camera(
+            _triple("eye", camera.eye),
+            _triple("at", camera.at),
+            _triple("up", camera.up),
+            float(camera.angle),
+            float(camera.hither),
+            (int(camera.resolution[0]), int(camera.resolution[1])),
+        )
 
     def light(self, light: Light) -> None:
         """Add a point light."""
-        self._lights.append(light)
+        self._lights.append(
+            Light(_triple("light", light.position), _triple("color of a light", light.color))
+        )
 
     def background(self, color: Vector) -> None:
         """Set the color that rays see that hit nothing."""
-        self._background = color
+        self._background = _triple("background", color)
 
     def material(self, material: Material) -> int:
         """Add a material to the palette; returns its index. A repeated one is found again."""
         index = self._remembered.get(material)
         if index is not None:
             return index
-        row = np.array([(*material.color, *material[1:])], MATERIAL)
+        with np.errstate(over="ignore"):  # infinity is refused
+            row = np.array([(*material.color, *material[1:])], MATERIAL)
         numbers = row.view("<f4")
         if not np.isfinite(numbers).all() or (numbers < 0).any():
             raise SceneError(f"material: found {material}, expected finite numbers, none negative")
-        self._palette.write(row.view(np.uint8))
+        with self._writing():
+            self._palette.write(row.view(np.uint8))
         index = self._materials
         self._materials += 1
         self._remembered[material] = index
@@ -275,7 +312,10 @@ class SceneWriter:
     def spheres(
         self, centers: ArrayLike, radii: ArrayLike, materials: ArrayLike | None = None
     ) -> None:
-        """Add spheres: centers (n, 3), radii (n,), material index or indices (n,)."""
+        """Add spheres: centers (n, 3), radii (n,), material index or indices (n,).
+
+        Radii are taken as what the centers are, float32 or float64.
+        """
         c, n = _rows("centers", centers, (3,))
         self.append(Kind.SPHERE, np.hstack([c, _column("radii", radii, n, c.dtype)]), materials)
 
@@ -292,8 +332,9 @@ class SceneWriter:
         b, m = _rows("apexes", apexes, (3,))
         if n != m:
             raise SceneError(f"apexes: found {m} rows, expected {n}, as many as bases")
-        ra = _column("base_radii", base_radii, n, a.dtype)
-        rb = _column("apex_radii", apex_radii, n, a.dtype)
+        dtype = np.result_type(a, b)
+        ra = _column("base_radii", base_radii, n, dtype)
+        rb = _column("apex_radii", apex_radii, n, dtype)
         if (ra * rb < 0).any():
             raise SceneError("cones: found radii of both signs in one cone, expected one sign")
         self.append(Kind.CONE, np.hstack([a, ra, b, rb]), materials)
@@ -320,30 +361,41 @@ class SceneWriter:
 
         A polygon of three vertices is stored as a triangle and numbered among those.
         """
-        v, m = _rows("vertices", vertices, (3,))
-        self.append_polygons(v, np.asarray(counts), materials)
+        self.append_polygons(_floats("vertices", vertices), _array("counts", counts), materials)
 
     def append(self, kind: Kind, records: NDArray[Any], materials: ArrayLike | None = None) -> None:
         """Add records (n, scalars) of one kind other than polygons, laid out as on disk."""
+        records = _floats(kind.label, records)
         if records.ndim != 2 or records.shape[1] != SCALARS[kind] or kind == Kind.POLYGON:
             raise SceneError(
                 f"{kind.label}: found records of shape {records.shape}, "
                 f"expected (n, {SCALARS[kind]})"
             )
         indices = self._material_indices(materials, len(records))
-        for first in range(0, len(records), BLOCK):
-            last = first + BLOCK
-            part = indices[first:last]
-            self._append(kind, records[first:last], np.zeros(len(part), np.uint32), part)
+        with self._writing():
+            for first in range(0, len(records), BLOCK):
+                last = first + BLOCK
+                part = indices[first:last]
+                self._append(kind, records[first:last], np.zeros(len(part), np.uint32), part)
 
     def append_polygons(
         self, vertices: NDArray[Any], counts: NDArray[Any], materials: ArrayLike | None = None
     ) -> None:
         """Add polygons of vertices (m, 3) and counts (n,)."""
-        if counts.ndim != 1 or (counts < 3).any() or int(counts.sum()) != len(vertices):
+        vertices = _floats("polygon", vertices)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise SceneError(f"polygon: found vertices of shape {vertices.shape}, expected (m, 3)")
+        if counts.ndim != 1 or (len(counts) and counts.dtype.kind not in "iu"):
             raise SceneError(
-                f"polygons: found {len(vertices)} vertices for counts of "
-                f"{int(counts.sum())} in all, expected as many, each count 3 or more"
+                f"polygon: found counts of {counts.dtype} and shape {counts.shape}, "
+                "expected integers of shape (n,)"
+            )
+        # No count above the sum, or sums of 64 bits could come round.
+        fits = not len(counts) or 3 <= counts.min() <= counts.max() <= len(vertices)
+        if not fits or int(counts.sum()) != len(vertices):
+            raise SceneError(
+                f"polygon: found {len(vertices)} vertices for counts of {counts.sum()} in all, "
+                "expected as many, each count 3 or more"
             )
         indices = self._material_indices(materials, len(counts))
         three = counts == 3
@@ -352,7 +404,8 @@ class SceneWriter:
             self.append(Kind.TRIANGLE, vertices[in_triangle].reshape(-1, 9), indices[three])
             vertices, counts, indices = vertices[~in_triangle], counts[~three], indices[~three]
         if len(counts):
-            self._append(Kind.POLYGON, vertices, counts.astype(np.uint32), indices)
+            with self._writing():
+                self._append(Kind.POLYGON, vertices, counts.astype(np.uint32), indices)
 
     def _append(
         self,
@@ -363,20 +416,22 @@ class SceneWriter:
     ) -> None:
         origin = self._origin_for(records)
         stream = self._stream(kind, records.dtype)
-        if stream.wide:
-            data = records.astype(np.float64, copy=False)
-        else:
-            data = _relative(kind, records, origin).astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):  # infinity is refused
+            if stream.wide:
+                data = records.astype(np.float64, copy=False)
+            else:
+                data = _relative(kind, records, origin).astype(np.float32, copy=False)
         stream.append(data, counts, indices, origin, self._extent)
 
     def _origin_for(self, records: NDArray[Any]) -> Vector:
         """The store's origin, which the first block decides."""
         if self._origin is None:
-            if records.dtype == np.float32 or self._dtype == np.float32 or len(records) == 0:
-                self._origin = (0.0, 0.0, 0.0)
-            else:
-                center = records[:, :3].mean(axis=0)
-                self._origin = _triple("center of the first block", center)
+            self._origin = (0.0, 0.0, 0.0)
+            if records.dtype != np.float32:
+                with np.errstate(all="ignore"):
+                    center = records[:, :3].mean(axis=0, dtype=np.float64)
+                if np.isfinite(center).all():  # else the block is about to be refused
+                    self._origin = _triple("center of the first block", center)
         return self._origin
 
     def _stream(self, kind: Kind, dtype: np.dtype[Any]) -> StreamWriter:
@@ -403,24 +458,29 @@ class SceneWriter:
                 f"materials: found {indices.dtype} of shape {indices.shape}, "
                 f"expected one integer or ({n},) of them"
             )
-        if n and (int(indices.min()) < 0 or int(indices.max()) >= self._materials):
+        low, high = (int(indices.min()), int(indices.max())) if n else (0, -1)
+        if low < 0 or high >= self._materials:
             raise SceneError(
-                f"materials: found index {int(indices.max())}, "
+                f"materials: found index {low if low < 0 else high}, "
                 f"expected 0 to {self._materials - 1}: add materials first"
             )
         return indices.astype(np.uint32, copy=False)
 
     def close(self) -> Store:
         """Complete the store and give it its name; returns it, opened."""
+        self._check_open()
         try:
             header = self._header()
             with FileWriter(self._aside / HEADER) as file:
                 file.write(header_text(header).encode())
-            self._sync_folders()
+            for folder, _, _ in os.walk(self._aside):
+                sync_folder(Path(folder))
+            open_store(self._aside)  # what replaces a store is whole
             self._rename()
         except BaseException:
             self.abandon()
             raise
+        self._open = False
         degenerate = sum(s.degenerate for s in self._streams.values())
         if degenerate:
             log.warning(
@@ -447,26 +507,47 @@ class SceneWriter:
             "palette": {"bytes": self._palette.bytes, "crc32": self._palette.checksum},
         }
 
-    def _sync_folders(self) -> None:
-        for folder, _, _ in os.walk(self._aside):
-            sync_folder(Path(folder))
-
     def _rename(self) -> None:
         """Take the name; a store that had it steps aside first, and goes when all is well."""
         old = self._aside.with_suffix(".old")
+        replaces = self._target.exists()
         try:
-            if self.path.exists():
-                self.path.rename(old)
-            self._aside.rename(self.path)
-            sync_folder(self.path.parent)
-        except OSError as error:
-            if old.exists() and not self.path.exists():
-                old.rename(self.path)
-            raise refused(self.path, 0, error, "renaming to it") from error
+            if replaces:
+                self._target.rename(old)
+            self._aside.rename(self._target)
+            sync_folder(self._target.parent)
+        except BaseException as error:
+            self._step_back(old, replaces)
+            if isinstance(error, OSError):
+                raise refused(self.path, 0, error, "renaming to it") from error
+            raise
         shutil.rmtree(old, ignore_errors=True)
+
+    def _step_back(self, old: Path, replaces: bool) -> None:
+        """Undo those renames that were done."""
+        renamed = not self._aside.exists() and self._target.exists()
+        if renamed and old.exists() == replaces:
+            self._target.rename(self._aside)
+        if replaces and not self._target.exists():
+            old.rename(self._target)
+
+    def _check_open(self) -> None:
+        if not self._open:
+            raise SettingError(f"{self.path}: the writer is closed, expected no more calls")
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """What is written here is whole, or the store is given up."""
+        self._check_open()
+        try:
+            yield
+        except BaseException:
+            self.abandon()
+            raise
 
     def abandon(self) -> None:
         """Give up: remove everything written so far."""
+        self._open = False
         for stream in self._streams.values():
             stream.abandon()
         self._palette.abandon()
@@ -481,33 +562,37 @@ class SceneWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if kind is None:
-            self.close()
-        else:
+        if kind is not None:
             self.abandon()
+        elif self._open:  # not closed in the block already
+            self.close()
 
 
-def sync_folder(folder: Path) -> None:
-    """Make a folder's entries durable, where the system can (not every one opens folders)."""
-    with contextlib.suppress(PermissionError, IsADirectoryError):
-        fd = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(fd)
-        finally:
-            os.close(fd)
+def _array(name: str, value: ArrayLike) -> NDArray[Any]:
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError) as error:  # rows of different lengths
+        raise SceneError(f"{name}: found no array, expected numbers: {error}") from None
+
+
+def _floats(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Numbers as float32 where that is what they are, in any byte order, else as float64."""
+    array = _array(name, value)
+    if array.dtype.kind not in "fiu" and array.size:
+        raise SceneError(f"{name}: found {array.dtype}, expected numbers")
+    narrow = array.dtype.kind == "f" and array.dtype.itemsize == 4
+    return array.astype(np.float32 if narrow else np.float64, copy=False)
 
 
 def _triple(name: str, value: ArrayLike) -> Vector:
-    array = np.asarray(value, np.float64)
+    array = _floats(name, value).astype(np.float64, copy=False)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise SceneError(f"{name}: found {value!r:.80}, expected three finite numbers")
     return (float(array[0]), float(array[1]), float(array[2]))
 
 
 def _rows(name: str, value: ArrayLike, row: Sequence[int]) -> tuple[NDArray[Any], int]:
-    array = np.asarray(value)
-    if array.dtype != np.float32:
-        array = array.astype(np.float64, copy=False)
+    array = _floats(name, value)
     if array.shape[1:] != tuple(row) or array.ndim != len(row) + 1:
         expected = ", ".join(str(r) for r in ("n", *row))
         raise SceneError(f"{name}: found shape {array.shape}, expected ({expected})")
@@ -515,7 +600,8 @@ def _rows(name: str, value: ArrayLike, row: Sequence[int]) -> tuple[NDArray[Any]
 
 
 def _column(name: str, value: ArrayLike, n: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    array = np.asarray(value, dtype)
+    with np.errstate(over="ignore"):  # infinity is refused
+        array = _floats(name, value).astype(dtype, copy=False)
     if array.ndim == 0:
         array = np.full(n, array)
     if array.shape != (n,):

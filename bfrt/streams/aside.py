@@ -21,6 +21,11 @@ from bfrt.errors import DiskFullError, SettingError, StreamError
 FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
 
 
+#: What it says where folders cannot be synced: some network file systems, and folders that one
+#: may write to and not read.
+UNSYNCED = (errno.EINVAL, errno.EBADF, errno.EACCES)
+
+
 @contextlib.contextmanager
 def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary path to write to, which becomes `path` when the block ends well.
@@ -58,8 +63,7 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
         if isinstance(error, OSError) and error.errno in FULL:
             raise refused(target, 0, error, "writing") from error
         raise
-    if hasattr(os, "O_DIRECTORY"):  # elsewhere a folder cannot be opened, nor need it be
-        _sync(target.parent, os.O_RDONLY)
+    sync_folder(target.parent)
 
 
 def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str]) -> None:
@@ -70,6 +74,17 @@ def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str])
             left = left[file.write(left) :]
     except OSError as error:
         raise refused(path, file.tell(), error, "writing") from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a folder's entries durable; `StreamError` if the system refuses."""
+    if not hasattr(os, "O_DIRECTORY"):  # where a folder cannot be opened it need not be
+        return
+    try:
+        _sync(folder, os.O_RDONLY)
+    except StreamError as error:
+        if error.errno not in UNSYNCED:
+            raise
 
 
 def refused(path: str | os.PathLike[str], offset: int, error: OSError, doing: str) -> StreamError:

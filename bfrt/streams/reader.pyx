@@ -32,6 +32,7 @@ cdef extern from *:
 
 cdef enum:
     PAGE = 4096
+    MOST = 1 << 30  # bytes of one read: some systems refuse those of 2^31 and more
 
 
 @cython.final
@@ -111,6 +112,9 @@ cdef class Reader:
             )
         skip(self, begin - now)
         self.stop = stop
+        if self.position > stop:  # the last window had more: give it back
+            self.end -= self.position - stop
+            self.position = stop
         return 0
 
     def read(self, size_t n):
@@ -140,8 +144,8 @@ cdef class Reader:
             room = rest
         if self.tape.last_end != self.position:
             atomic_add(&self.tape.seeks, 1)
-        while <size_t>(self.end - self.buffer) < n or room > 0:
-            room -= self.read_more(room)
+        while room > 0:
+            room -= self.read_more(min(room, <size_t>MOST))
         if self.stop > self.position:
             rest = self.stop - self.position
             prefetch(self.tape.fd, self.position, min(rest, <int64_t>self.capacity))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 import tempfile
 import threading
 from pathlib import Path
@@ -34,6 +34,8 @@ class Spool:
     ------
     DiskFullError, StreamError
         From `append` and `read`, as the system refuses.
+    TypeError
+        From `append`, for records of another dtype.
     """
 
     def __init__(self, dtype: np.dtype[Any], room: int, scratch: Path) -> None:
@@ -41,8 +43,9 @@ class Spool:
         self._counts = [0, 0, 0]  # bytes read, bytes written, seeks
         self._memory = np.empty(room, dtype)
         self._scratch = scratch
+        self._path = scratch / "spool"  # by which errors name the file that has no name
         self._appending = threading.Lock()
-        self._fd = -1
+        self._file: io.FileIO | None = None
         self._last_end = 0
         self.clear()
 
@@ -58,6 +61,8 @@ class Spool:
 
     def append(self, records: Records) -> None:
         """Add a copy of `records` (n,). Threads may do it at once; order is then theirs."""
+        if records.dtype != self.dtype:
+            raise TypeError(f"spool: found records of {records.dtype}, expected {self.dtype}")
         with self._appending:
             inside = max(0, min(len(records), len(self._memory) - self._appended))
             self._memory[self._appended : self._appended + inside] = records[:inside]
@@ -71,7 +76,7 @@ class Spool:
         inside = len(self._memory) - first
         n = min(most, len(self), inside if inside > 0 else most)
         self._taken += n
-        if inside > 0:
+        if inside > 0 or n == 0:
             return self._memory[first : first + n]
         return self._read(first - len(self._memory), n)
 
@@ -83,45 +88,47 @@ class Spool:
 
     def close(self) -> None:
         """Give the disk back."""
-        fd, self._fd = self._fd, -1
-        if fd >= 0:
-            os.close(fd)
+        file, self._file = self._file, None
+        if file is not None:
+            file.close()
 
     def _write(self, records: Records) -> None:
-        if self._fd < 0:
-            self._fd = self._nameless()
+        if self._file is None:
+            self._file = self._nameless()
         offset = max(0, self._appended - len(self._memory)) * self.dtype.itemsize
-        os.lseek(self._fd, offset, os.SEEK_SET)
+        self._file.seek(offset)
         self._last_end = offset + write_all(
-            self._fd, records.view(np.uint8), self._scratch / "spool", offset
+            self._file.fileno(), records.view(np.uint8), self._path, offset
         )
         self._counts[1] += records.nbytes
 
     def _read(self, first: int, n: int) -> Records:
+        if self._file is None:
+            raise ValueError(f"{self._path}: read after close")
         records = np.empty(n, self.dtype)
-        view = memoryview(records.view(np.uint8))
+        view = records.view(np.uint8).data
         offset = first * self.dtype.itemsize
         self._counts[2] += offset != self._last_end
         done = 0
         try:
-            os.lseek(self._fd, offset, os.SEEK_SET)
+            self._file.seek(offset)
             while done < len(view):
-                got = os.readv(self._fd, [view[done:]])
-                if got == 0:
-                    raise ShortReadError(
-                        self._scratch / "spool", offset + done, len(view) - done, 0
-                    )
+                got = self._file.readinto(view[done:])
+                if not got:
+                    raise ShortReadError(self._path, offset + done, len(view) - done, 0)
                 done += got
         except OSError as error:
-            raise refused(self._scratch / "spool", offset + done, error, "reading") from error
+            raise refused(self._path, offset + done, error, "reading") from error
         self._last_end = offset + done
         self._counts[0] += done
         return records
 
-    def _nameless(self) -> int:
+    def _nameless(self) -> io.FileIO:
         try:
-            fd, name = tempfile.mkstemp(prefix="bfrt-", suffix=".spool", dir=self._scratch)
-            Path(name).unlink()
+            # Where the system can, such a file never has a name that a crash could leave.
+            file = tempfile.TemporaryFile(  # noqa: SIM115
+                buffering=0, prefix="bfrt-", dir=self._scratch
+            )
         except OSError as error:
-            raise refused(self._scratch / "spool", 0, error, "creating") from error
-        return fd
+            raise refused(self._path, 0, error, "creating") from error
+        return file

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.streams.aside import refused
@@ -18,6 +19,11 @@ Data = bytes | bytearray | memoryview | NDArray[Any]
 GATHER_BYTES = 1 << 18
 
 
+def view_of(data: Data) -> memoryview:
+    """The memory of `data`, uncopied."""
+    return data.data if isinstance(data, np.ndarray) else memoryview(data)
+
+
 def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) -> int:
     """Write all of `data` to `fd`, however many calls it takes; returns the bytes.
 
@@ -26,7 +32,7 @@ def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) ->
     DiskFullError, StreamError
         If the system refuses.
     """
-    view = memoryview(data).cast("B")
+    view = view_of(data).cast("B")
     done = 0
     while done < len(view):
         try:
@@ -51,7 +57,7 @@ class FileWriter:
 
     def write(self, data: Data) -> None:
         """Append `data` (C-contiguous)."""
-        view = memoryview(data)
+        view = view_of(data)
         if view.nbytes < GATHER_BYTES:
             self._gathered += view
             if len(self._gathered) >= GATHER_BYTES:
@@ -65,7 +71,7 @@ class FileWriter:
         self._gathered = bytearray()
 
     def _put(self, data: Data) -> None:
-        view = memoryview(data)
+        view = view_of(data)
         if view.nbytes:
             self.bytes += write_all(self._fd, view, self.path, self.bytes)
             self.checksum = zlib.crc32(view, self.checksum)

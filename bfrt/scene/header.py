@@ -1,0 +1,185 @@
+"""What the fields of a store's header may be; nothing else is believed, whatever its checksum.
+
+A check takes a value as JSON has it, and gives it back as the store uses it, or raises ValueError
+with where it is, what was found and what was expected.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+from bfrt.errors import SceneError
+from bfrt.records import INDEX_BITS, Kind
+from bfrt.scene.model import Camera, Light, Vector
+
+Check = Callable[[Any], Any]
+
+
+def header_text(header: dict[str, Any]) -> str:
+    """The one text of a header: sorted, indented, with its own checksum."""
+    body = {key: value for key, value in header.items() if key != "checksum"}
+    text = json.dumps(body, indent=1, sort_keys=True, allow_nan=False)
+    body["checksum"] = zlib.crc32(text.encode())
+    return json.dumps(body, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def _wrong(value: Any, expected: str) -> ValueError:
+    return ValueError(f"found {value!r:.60}, expected {expected}")
+
+
+def whole(end: int) -> Check:
+    """A whole number in [0, end)."""
+
+    def check(value: Any) -> int:
+        if type(value) is not int or not 0 <= value < end:
+            raise _wrong(value, f"a whole number from 0 to {end - 1}")
+        return value
+
+    return check
+
+
+def truth(value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise _wrong(value, "true or false")
+    return value
+
+
+def real(value: Any) -> float:
+    """A finite number."""
+    if type(value) not in (int, float) or not abs(value) < math.inf:
+        raise _wrong(value, "a finite number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise _wrong(value, "a number that fits float64") from None
+
+
+def listed(check: Check, length: int | None = None) -> Check:
+    """A list of things, so many where `length` says so."""
+
+    def check_all(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list) or length not in (None, len(value)):
+            raise _wrong(value, "a list" if length is None else f"a list of {length}")
+        return tuple(check(item) for item in value)
+
+    return check_all
+
+
+def named(check: Check) -> Check:
+    """An object whose values are all of one sort."""
+
+    def check_all(value: Any) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            raise _wrong(value, "an object")
+        return {name: _field(name, check, item) for name, item in value.items()}
+
+    return check_all
+
+
+def fields(**checks: Check) -> Check:
+    """An object with these fields and no others."""
+
+    def check_all(value: Any) -> dict[str, Any]:
+        if not isinstance(value, dict) or set(value) != set(checks):
+            raise _wrong(value, f"an object with {', '.join(checks)}")
+        return {name: _field(name, check, value[name]) for name, check in checks.items()}
+
+    return check_all
+
+
+def optional(check: Check) -> Check:
+    """Null, or what `check` takes."""
+    return lambda value: None if value is None else check(value)
+
+
+def _field(name: str, check: Check, value: Any) -> Any:
+    try:
+        return check(value)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def bounds(value: Any) -> tuple[Vector, Vector]:
+    """The corners of a box."""
+    lo, hi = listed(vector, 2)(value)
+    if not all(a <= b for a, b in zip(lo, hi, strict=True)):
+        raise _wrong(value, "a lower and a higher corner")
+    return lo, hi
+
+
+def camera(value: Any) -> Camera:
+    """A camera, in range."""
+    try:
+        return Camera(**CAMERA(value))
+    except SceneError as error:
+        raise ValueError(str(error)) from None
+
+
+def light(value: Any) -> Light:
+    return Light(*listed(vector, 2)(value))
+
+
+def stream(value: Any) -> dict[str, Any]:
+    """One stream, whose numbers agree."""
+    found: dict[str, Any] = STREAM(value)
+    if found["degenerate"] > found["count"] or found["material_bytes"] not in (0, 1, 2, 4):
+        raise _wrong(value, "counts and widths that agree")
+    return found
+
+
+def group(value: Any) -> dict[str, Any]:
+    """One group: streams of ascending kinds; its number is its place, so ids are not judged."""
+    found: dict[str, Any] = GROUP(value)
+    for name, order in (
+        ("streams", [s["kind"] for s in found["streams"]]),
+        ("outliers", found["outliers"]),
+    ):
+        if any(a >= b for a, b in itertools.pairwise(order)):
+            raise _wrong(value[name], f"{name} in ascending order")
+    return found
+
+
+vector = listed(real, 3)
+FACTS = fields(bytes=whole(1 << 63), crc32=whole(1 << 32))
+STREAM = fields(
+    kind=whole(len(Kind)),
+    count=whole(1 << INDEX_BITS),
+    wide=truth,
+    degenerate=whole(1 << INDEX_BITS),
+    material=whole(1 << 32),
+    material_bytes=whole(5),
+    vertices=whole(1 << 32),
+    largest=whole(1 << 32),
+    files=named(FACTS),
+)
+GROUP = fields(
+    streams=listed(stream), grid_bounds=optional(bounds), outliers=listed(whole(1 << 64))
+)
+CAMERA = fields(
+    eye=vector,
+    at=vector,
+    up=vector,
+    angle=real,
+    hither=real,
+    resolution=listed(whole(1 << 16), 2),
+)
+
+#: The header beside magic and version, which are looked at first.
+HEADER_FIELDS = fields(
+    magic=lambda value: value,
+    version=whole(1 << 31),
+    origin=vector,
+    bounds=optional(bounds),
+    groups=listed(group),
+    camera=optional(camera),
+    lights=listed(light),
+    background=vector,
+    palette=FACTS,
+    checksum=whole(1 << 32),
+)
