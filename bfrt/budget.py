@@ -41,6 +41,10 @@ for _power, _letter in enumerate("KMGT", 1):
 #: Interpreter, NumPy, OpenEXR, our code and stacks (measured: 44 MiB), and the allocator's slack.
 BASELINE = 52 << 20
 
+#: Where Linux says which cgroups this process is in, and what their limits are.
+OWN_CGROUPS = Path("/proc/self/cgroup")
+CGROUPS = Path("/sys/fs/cgroup")
+
 #: Bytes of one read buffer; a worker has up to four a stream.
 READ_BUFFER = 1 << 18
 
@@ -93,12 +97,26 @@ def format_memory(amount: int) -> str:
 def default_memory() -> int:
     """A quarter of the machine's memory, or of its cgroup's limit where that is less."""
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    limits = [machine]
-    for file in ("memory.max", "memory/memory.limit_in_bytes"):
-        path = Path("/sys/fs/cgroup") / file
-        if path.exists() and (text := path.read_text().strip()).isdigit():
-            limits.append(int(text))
-    return min(limits) // 4
+    return min([machine, *cgroup_limits()]) // 4
+
+
+def cgroup_limits() -> list[int]:
+    """Memory limits of this process's cgroup and of those above it; none where there are none."""
+    groups = OWN_CGROUPS.read_text().splitlines() if OWN_CGROUPS.exists() else []
+    limits = []
+    for group in groups:
+        _, controllers, name = group.split(":", 2)
+        if controllers == "":  # version 2
+            root, file = CGROUPS, "memory.max"
+        elif "memory" in controllers.split(","):
+            root, file = CGROUPS / "memory", "memory.limit_in_bytes"
+        else:
+            continue
+        folder = Path(name.lstrip("/"))
+        for path in (root / part / file for part in (folder, *folder.parents)):
+            if path.exists() and (text := path.read_text().strip()).isdigit():
+                limits.append(int(text))
+    return limits
 
 
 @dataclass(frozen=True)

@@ -261,12 +261,11 @@ class SceneWriter:
         self._open = True
         try:
             (self._aside / "0").mkdir(parents=True)
-        except OSError as error:
-            raise refused(self._aside, 0, error, "creating") from error
-        try:
             self._palette = FileWriter(self._aside / PALETTE)
-        except BaseException:
+        except BaseException as error:
             shutil.rmtree(self._aside, ignore_errors=True)
+            if isinstance(error, OSError):
+                raise refused(self._aside, 0, error, "creating") from error
             raise
 
     def camera(self, camera: Camera) -> None:
@@ -521,7 +520,11 @@ class SceneWriter:
             if isinstance(error, OSError):
                 raise refused(self.path, 0, error, "renaming to it") from error
             raise
-        shutil.rmtree(old, ignore_errors=True)
+        try:
+            if replaces:
+                shutil.rmtree(old)
+        except OSError as error:
+            log.warning("%s: the store that was replaced could not be removed: %s", old, error)
 
     def _step_back(self, old: Path, replaces: bool) -> None:
         """Undo those renames that were done."""

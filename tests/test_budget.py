@@ -1,0 +1,220 @@
+"""A budget's parts never add up to more than the budget, and the least that works works."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bfrt
+from bfrt import budget
+from bfrt.budget import capacities, default_memory, fixed_bytes, format_memory, parse_memory
+from bfrt.errors import BudgetError, SettingError
+from bfrt.phases.preprocess import resolution
+from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
+from bfrt.scene.model import Light, Material
+from bfrt.scene.writer import SceneWriter
+
+MIB = 1 << 20
+
+
+@pytest.mark.parametrize(
+    ("text", "amount"),
+    [
+        (12345, 12345),
+        (np.int64(12345), 12345),
+        ("12345", 12345),
+        ("12345B", 12345),
+        ("1kB", 1000),
+        ("1KB", 1000),
+        ("1KiB", 1024),
+        ("256MiB", 256 * MIB),
+        ("256MB", 256_000_000),
+        (" 256 MiB ", 256 * MIB),
+        ("1.5GB", 1_500_000_000),
+        ("1.5 GiB", 3 << 29),
+        ("2TiB", 2 << 40),
+        ("4.35MB", 4_350_000),  # 4.35 * 10**6 is less in floats
+        ("1.1GB", 1_100_000_000),
+        ("9007199254740993", 9007199254740993),
+    ],
+)
+def test_amounts(text, amount):
+    found = parse_memory(text)
+    assert found == amount
+    assert type(found) is int
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "MiB", "256M", "256mib", "-1MiB", "1e9", "1,5GB", ".5GB", "0x10", "1 2", "inf", "nan",
+     "٣MiB", None, 1.5, 1e9, True, b"1MiB", "1XiB"],
+)  # fmt: skip
+def test_what_is_no_amount(text):
+    with pytest.raises(SettingError, match=r"memory: found .* expected an amount such as 256MiB"):
+        parse_memory(text)
+
+
+def test_an_endless_amount():
+    assert parse_memory("9" * 400 + "TiB") > 1 << 1000
+
+
+@given(st.integers(0, 1 << 50))
+def test_what_is_printed_is_enough_and_can_be_read(amount):
+    shown = parse_memory(format_memory(amount))
+    assert amount <= shown < amount + MIB
+
+
+@pytest.fixture
+def machine(monkeypatch, tmp_path):
+    """A machine of 16 GiB whose cgroups are files below tmp_path."""
+    pages = (16 << 30) // 4096
+    monkeypatch.setattr(
+        budget.os, "sysconf", lambda name: {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": pages}[name]
+    )
+    monkeypatch.setattr(budget, "OWN_CGROUPS", tmp_path / "own")
+    monkeypatch.setattr(budget, "CGROUPS", tmp_path / "cgroup")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("own", "limits", "expected"),
+    [
+        (None, {}, 16 << 30),
+        ("0::/\n", {"memory.max": "max"}, 16 << 30),
+        ("0::/\n", {"memory.max": "1048576"}, MIB),
+        ("0::/a/b\n", {"a/b/memory.max": "max", "a/memory.max": "4194304"}, 4 * MIB),
+        ("0::/a/b\n", {"a/b/memory.max": "2097152", "a/memory.max": "4194304"}, 2 * MIB),
+        ("0::/a\n", {"other/memory.max": "1"}, 16 << 30),
+        ("0::/a\n", {"a/memory.max": str(1 << 60)}, 16 << 30),
+        ("3:cpu:/a\n2:memory:/a\n", {"memory/a/memory.limit_in_bytes": "8192"}, 8192),
+        ("2:memory:/docker/1\n", {"memory/memory.limit_in_bytes": "8192"}, 8192),
+        ("2:cpu:/a\n", {"memory/a/memory.limit_in_bytes": "8192"}, 16 << 30),
+    ],
+)
+def test_the_default_is_a_quarter_of_what_there_is(machine, own, limits, expected):
+    if own is not None:
+        (machine / "own").write_text(own)
+    for name, text in limits.items():
+        path = machine / "cgroup" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text + "\n")
+    assert default_memory() == expected // 4
+
+
+def test_there_is_memory_here():
+    assert default_memory() > MIB
+
+
+@pytest.fixture(scope="module")
+def stores(tmp_path_factory):
+    """An empty store, a small one, and one of several streams with a large polygon."""
+    folder = tmp_path_factory.mktemp("budget")
+    rng = np.random.default_rng(1)
+    SceneWriter(folder / "empty").close()
+    with SceneWriter(folder / "small") as writer:
+        writer.spheres(rng.random((50, 3), np.float32), 0.1)
+    with SceneWriter(folder / "several") as writer:
+        for k in range(3000):
+            writer.material(Material(kd=k / 4096))
+        writer.light(Light((0, 0, 0)))
+        writer.spheres(rng.random((500, 3), np.float32), 0.1)
+        writer.triangles(rng.random((5000, 3, 3), np.float32))
+        turn = np.linspace(0, 2 * np.pi, 30_000, endpoint=False)
+        outline = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+        writer.polygons(outline.astype(np.float32), [len(turn)])
+    return [bfrt.open(folder / name) for name in ("empty", "small", "several")]
+
+
+VIEW = st.tuples(
+    st.integers(1, 4096), st.integers(1, 4096), st.sampled_from([0, 1, 16]), st.integers(1, 64)
+)
+
+
+def least_of(store, width, height, samples, threads):
+    """What the refusal of one byte names, in bytes."""
+    with pytest.raises(BudgetError) as caught:
+        capacities(store, width, height, samples, 1, threads)
+    message = str(caught.value)
+    found = re.fullmatch(
+        rf"memory: found 0MiB, expected (\d+MiB) or more for {width} x {height} pixels "
+        rf"of this scene with {threads} threads", message
+    )  # fmt: skip
+    assert found, message
+    return parse_memory(found[1])
+
+
+@given(view=VIEW, which=st.integers(0, 2))
+def test_the_least_that_is_named_works_and_less_does_not(stores, view, which):
+    store = stores[which]
+    width, height, samples, threads = view
+    least = least_of(store, *view)
+    plan = capacities(store, width, height, samples, least, threads)
+    assert all(value > 0 for value in asdict(plan).values())
+    assert plan.rays >= budget.FEWEST_RAYS - 1
+    with pytest.raises(BudgetError):
+        capacities(store, width, height, samples, least - MIB, threads)
+
+
+@settings(max_examples=300)
+@given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 36))
+def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
+    store = stores[which]
+    width, height, samples, threads = view
+    memory = least_of(store, *view) + more
+    plan = capacities(store, width, height, samples, memory, threads)
+    group = store.groups[0]
+    grid = math.prod(resolution(group.grid_bounds, group.gridded, plan.voxels))
+    parts = {
+        "fixed": fixed_bytes(store, width, height, samples, threads),
+        "marks, starts and occupancy": grid * (1 + 4 + 1 / 32),
+        "rays": plan.rays * (72 + 24),
+        "candidates": plan.candidates * 8,
+        "hits, waiting and shaded": plan.hits * (HIT_BYTES + 2 * HIT_BYTES + 16),
+        "two queues": 2 * plan.queue * QUEUED_BYTES,
+    }
+    assert all(value > 0 for value in asdict(plan).values())
+    assert plan.memory == memory
+    assert sum(parts.values()) <= memory
+    assert grid <= plan.voxels <= 1 << VOXEL_BITS
+    assert plan.rays <= 1 << RAY_BITS
+    assert plan.candidates >= 4 * plan.rays
+
+
+@given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 32), step=st.integers(0, MIB))
+def test_more_memory_holds_no_fewer_rays(stores, view, which, more, step):
+    width, height, samples, threads = view
+    memory = least_of(stores[which], *view) + more
+    one, two = (
+        capacities(stores[which], width, height, samples, m, threads)
+        for m in (memory, memory + step)
+    )
+    assert one.rays <= two.rays
+    assert one.voxels <= two.voxels
+
+
+@pytest.mark.parametrize("part", ["width", "threads", "stores"])
+def test_more_work_needs_more(stores, part):
+    base = (640, 480, 0, 2)
+    more = {"width": (1280, 480, 0, 2), "threads": (640, 480, 0, 8), "stores": base}[part]
+    other = stores[2] if part == "stores" else stores[1]
+    assert least_of(other, *more) > least_of(stores[1], *base)
+
+
+@pytest.mark.parametrize("memory", [0, -1, 1000])
+def test_next_to_nothing_is_refused(stores, memory):
+    with pytest.raises(BudgetError, match="memory: found"):
+        capacities(stores[1], 64, 64, 0, memory, 1)
+
+
+def test_a_refusal_never_names_what_was_given(stores):
+    least = least_of(stores[1], 512, 512, 0, 2)
+    with pytest.raises(BudgetError) as caught:
+        capacities(stores[1], 512, 512, 0, least - MIB, 2)
+    found, expected = re.findall(r"(\d+)MiB", str(caught.value))
+    assert int(found) < int(expected)
