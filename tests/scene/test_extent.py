@@ -80,6 +80,19 @@ def test_blocks_and_their_order_do_not_matter(ties, data, seed, n):
     same(one.outliers()[1], other.outliers()[1])
 
 
+@pytest.mark.parametrize("late_first", [False, True])
+def test_ties_for_the_last_place_are_decided_by_id(late_first):
+    """70 boxes of one size, of which only 64 are kept: those of the lowest ids, far out."""
+    boxes = np.zeros((70, 6), np.float32)
+    boxes[:64, :3] = np.random.default_rng(1).integers(-1000, 1000, (64, 3))
+    boxes[:, 3:] = boxes[:, :3] + 1
+    ids = np.arange(70, dtype=np.uint64)
+    blocks = [slice(0, 64), slice(64, 70)]
+    found, grid = gathered(boxes, ids, blocks[::-1] if late_first else blocks).outliers()
+    assert found == list(range(64))
+    same(grid, Bounds(np.zeros(3), np.ones(3)))
+
+
 def same(one, other):
     np.testing.assert_array_equal(one.lo, other.lo)
     np.testing.assert_array_equal(one.hi, other.hi)
