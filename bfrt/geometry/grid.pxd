@@ -208,18 +208,14 @@ cdef inline uint64_t voxel_count(const Grid* g) noexcept nogil:
     return <uint64_t>g.n[0] * g.n[1] * g.n[2]
 
 
-cdef inline int row_faces(const Range* r, int y, int z) noexcept nogil:
-    """The faces, as bits, by which a ray may have come into the range in a row of voxels along x.
+cdef inline int entered_by(const Range* r, int x, int y, int z) noexcept nogil:
+    """The faces, as bits, by which a ray comes into the range at a voxel of it.
 
-    START always counts: the walk began inside. The low and the high end of the row add LOW, HIGH.
+    START always counts: the walk began inside.
     """
     return (
         1 << START
+        | (x == r.lo[0]) << LOW | (x == r.hi[0]) << HIGH
         | (y == r.lo[1]) << (LOW + 1) | (y == r.hi[1]) << (HIGH + 1)
         | (z == r.lo[2]) << (LOW + 2) | (z == r.hi[2]) << (HIGH + 2)
     )
-
-
-cdef inline int voxel_faces(const Range* r, int row, int x) noexcept nogil:
-    """The same for the voxel at x of the row."""
-    return row | (x == r.lo[0]) << LOW | (x == r.hi[0]) << HIGH

@@ -39,9 +39,9 @@ def mark(Sweep sweep, int64_t n, Lattice lattice, uint8_t[::1] marks):
     with nogil:
         for i in range(n):
             advance(sweep)
-            if box_empty(&sweep.box):
+            if box_empty(&sweep.box[0]):
                 continue
-            box_range(&lattice.grid, &sweep.box, &r)
+            box_range(&lattice.grid, &sweep.box[0], &r)
             for axis in range(3):
                 mark_face(&lattice.grid, r, axis, False, &marks[0])
                 mark_face(&lattice.grid, r, axis, True, &marks[0])

@@ -23,7 +23,7 @@ cdef class VoxelRays:
     """
 
     def __cinit__(self, shape, int64_t capacity):
-        cdef int64_t bricks = 0
+        cdef int64_t upper = 0
         cdef int k
         size = np.array(shape, np.int64)
         for k in range(3):
@@ -34,16 +34,14 @@ cdef class VoxelRays:
             self.levels += 1
             for k in range(3):
                 self.level_size[self.levels][k] = size[k]
-            self.level_begin[self.levels] = bricks
-            bricks += np.prod(size)
+            if self.levels == 1:
+                self.bricks = np.empty(np.prod(size), np.uint64)
+            else:
+                self.level_begin[self.levels] = upper
+                upper += np.prod(size)
         self.entries = np.empty(capacity, np.uint64)
         self.start = np.empty(int(np.prod(shape)) + 1, np.uint32)
-        self.bricks = np.empty(bricks, np.uint8)
-
-    @staticmethod
-    def bytes_for(voxels):
-        """Bytes that a grid of so many voxels needs, without the candidates."""
-        return voxels * 4 + voxels // 32 + 65536
+        self.upper = np.empty(upper, np.uint8)
 
     @property
     def slots(self):
@@ -78,6 +76,7 @@ cdef class VoxelRays:
         cdef uint32_t total = 0
         self.start[:] = 0
         self.bricks[:] = 0
+        self.upper[:] = 0
         for i in range(n):
             self.start[entry_voxel(self.entries[i])] += 1
         for i in range(voxels):
@@ -88,22 +87,28 @@ cdef class VoxelRays:
             self.occupy(entry_voxel(self.entries[i]))
 
     cdef void occupy(self, uint32_t voxel) noexcept nogil:
-        """Set the voxel's brick on every level, up to the first that is set already."""
+        """Set the voxel's bit, and its cube on every level up to the first that is set already."""
         cdef int x = voxel % self.n[0]
         cdef int y = (voxel // self.n[0]) % self.n[1]
-        cdef int64_t z = voxel // (self.n[0] * self.n[1])
+        cdef int z = voxel // (self.n[0] * self.n[1])
+        cdef int bit = (x & 3) | (y & 3) << 2 | (z & 3) << 4
         cdef int level
-        cdef int64_t brick
+        cdef int64_t at
         for level in range(1, self.levels + 1):
             x >>= BRICK_BITS
             y >>= BRICK_BITS
             z >>= BRICK_BITS
-            brick = self.level_begin[level] + x + self.level_size[level][0] * (
-                y + self.level_size[level][1] * z
-            )
-            if self.bricks[brick]:
-                return
-            self.bricks[brick] = 1
+            at = x + self.level_size[level][0] * (y + self.level_size[level][1] * <int64_t>z)
+            if level == 1:
+                if self.bricks[at]:
+                    self.bricks[at] |= <uint64_t>1 << bit
+                    return
+                self.bricks[at] = <uint64_t>1 << bit
+            else:
+                at += self.level_begin[level]
+                if self.upper[at]:
+                    return
+                self.upper[at] = 1
 
     cdef void place(self, int64_t n) noexcept nogil:
         """Follow each cycle of the permutation; start[v] sinks to where v begins."""
