@@ -152,9 +152,7 @@ def capacities(
         If it is less than the least that works; the message names that.
     """
     fixed = fixed_bytes(store, width, height, samples, threads)
-    least = fixed + int(
-        FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096
-    )
+    least = fixed + int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
     if memory < least:
         raise BudgetError(
             f"memory: found {format_memory(memory)}, expected {format_memory(least)} or more "

@@ -107,7 +107,7 @@ def add_render(commands: Any) -> None:
     made.add_argument("--depth", type=int, default=5, metavar="N", help="hits along a path (5)")
     made.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"))
     made.add_argument("--view", metavar="FILE", help="take the view (v) of this NFF file")
-    vector = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
+    vector: dict[str, Any] = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     made.add_argument("--from", dest="eye", help="where the eye is", **vector)
     made.add_argument("--at", help="what it looks at", **vector)
     made.add_argument("--up", help="which way is up", **vector)

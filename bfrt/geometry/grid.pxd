@@ -173,7 +173,6 @@ cdef inline bint walk_start(Walk* w, const Grid* g, const Line* l) noexcept nogi
 cdef inline void walk_resume(Walk* w, const Grid* g, const Line* l, uint32_t voxel,
                              int face) noexcept nogil:
     """Take up a walk again from its state (rule 7). A start is taken up as at t = 0."""
-    cdef int k
     walk_line(w, g, l)
     w.at[0] = voxel % g.n[0]
     w.at[1] = (voxel // g.n[0]) % g.n[1]

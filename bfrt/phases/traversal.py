@@ -125,9 +125,7 @@ class Flight:
         segments: list[tuple[int, int, int]] = []
 
         def chunk(_: int, first: int, last: int) -> None:
-            found, steps = collect(
-                self._rays, first, last, self.lattice, self._marks, quota, slots
-            )
+            found, steps = collect(self._rays, first, last, self.lattice, self._marks, quota, slots)
             segments.append((first * quota, found, steps))
 
         self._workers.run(chunk, self.active, smallest=FEWEST)

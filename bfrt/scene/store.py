@@ -208,9 +208,7 @@ def open_store(path: str | os.PathLike[str]) -> Store:
     try:
         data = file.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
-        raise StoreError(
-            f"{path}: not a scene store: expected a directory with {HEADER}"
-        ) from None
+        raise StoreError(f"{path}: not a scene store: expected a directory with {HEADER}") from None
     except OSError as error:
         raise StreamError(file, 0, error.errno or 0, "reading") from error
     store = _parse(path, data)

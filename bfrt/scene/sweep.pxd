@@ -27,7 +27,7 @@ cdef class Sweep:
     cdef size_t stride
     cdef int64_t index     # of the next object
     cdef uint32_t vertex   # polygons: where the last one ended
-    cdef uint32_t material # the one, or that of the last object
+    cdef uint32_t material  # the one, or that of the last object
     cdef int material_bytes
     cdef const int64_t[::1] outliers
     cdef Py_ssize_t outlier

@@ -320,7 +320,7 @@ class SceneWriter:
 
         A polygon of three vertices is stored as a triangle and numbered among those.
         """
-        v, m = _rows("vertices", vertices, (3,))
+        v, _ = _rows("vertices", vertices, (3,))
         self.append_polygons(v, np.asarray(counts), materials)
 
     def append(self, kind: Kind, records: NDArray[Any], materials: ArrayLike | None = None) -> None:
