@@ -15,7 +15,7 @@ from libc.math cimport INFINITY
 from libc.stdint cimport uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Span, slab_axis
-from bfrt.geometry.vector cimport Line
+from bfrt.geometry.vector cimport Line, larger, smaller
 
 cdef enum:
     LOW = 0
@@ -78,8 +78,7 @@ cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil
 cdef inline int roughly(const Grid* g, int k, double x, double slack) noexcept nogil:
     """The voxel of axis k that holds x, by arithmetic, moved by `slack` voxels."""
     cdef double guess = (x - g.plane[k][0]) * g.inverse[k] + slack
-    guess = guess if guess > 0.0 else 0.0
-    return <int>(guess if guess < g.n[k] - 1 else g.n[k] - 1)
+    return <int>smaller(larger(guess, 0.0), g.n[k] - 1)
 
 
 cdef inline double crossing(const Walk* w, int k, int plane) noexcept nogil:

@@ -131,7 +131,7 @@ class Flight:
         self._workers.run(chunk, self.active, smallest=FEWEST)
         firsts, counts, steps = np.array(sorted(segments), np.int64).T.copy()
         counters.voxel_steps += int(steps.sum())
-        voxel_rays.sort(firsts, counts)
+        voxel_rays.sort(firsts, counts, self._workers)
 
     def settle(
         self,

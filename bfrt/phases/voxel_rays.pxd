@@ -27,9 +27,12 @@ cdef class VoxelRays:
     cdef int levels
     cdef int n[3]
 
-    cdef void count(self, int64_t n) noexcept nogil
+    cdef int64_t pack(self, const int64_t[::1] firsts, const int64_t[::1] counts) noexcept
+    cdef int64_t partition(self, int64_t n, int64_t border) noexcept nogil
+    cdef void sort_part(self, int64_t voxel, int64_t end, int64_t first, int64_t last) noexcept
+    cdef void count(self, int64_t voxel, int64_t end, int64_t first, int64_t last) noexcept nogil
     cdef void occupy(self, uint32_t voxel) noexcept nogil
-    cdef void place(self, int64_t n) noexcept nogil
+    cdef void place(self, int64_t first, int64_t last) noexcept nogil
 
 
 cdef inline uint64_t entry_of(uint32_t voxel, uint32_t ray, int face) noexcept nogil:
