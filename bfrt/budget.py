@@ -41,6 +41,9 @@ BASELINE = 52 << 20
 #: Bytes of one read buffer; a worker has up to four a stream.
 READ_BUFFER = 1 << 18
 
+#: A pixel of the finished image: R G B A, Z, N and the two halves of the id, 4 bytes each.
+PIXEL_BYTES = 40
+
 #: Bytes that a band of image rows takes while it is written, encoders' copies included.
 IMAGE_BAND = 4 << 20
 
@@ -114,10 +117,10 @@ class Capacities:
 
 
 def frame_bytes(width: int, height: int, samples: int) -> int:
-    """The film, and the finished image that is made of it."""
+    """The film, and the finished image that is made of it while it is still there."""
     corners = samples == 0
     elements = (width + corners) * (height + corners)
-    return elements * (FILM_BYTES + AOV_BYTES) + IMAGE_BAND
+    return elements * (FILM_BYTES + AOV_BYTES) + width * height * PIXEL_BYTES + IMAGE_BAND
 
 
 def fixed_bytes(store: Store, width: int, height: int, samples: int, threads: int) -> int:

@@ -20,10 +20,10 @@ from typing import Any
 
 import bfrt
 from bfrt.budget import parse_memory
-from bfrt.convert import convert, is_store, parse_spd, read_view
+from bfrt.conversion import convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.image.picture import SUFFIXES
-from bfrt.render import render, scratch_folder
+from bfrt.rendering import render, scratch_folder
 from bfrt.scene.model import Camera
 from bfrt.scene.store import Store, bounds_to, open_store
 from bfrt.streams.aside import aside

@@ -153,8 +153,7 @@ class StreamWriter:
         ends = self.vertices + np.cumsum(counts, dtype=np.uint64)
         if len(ends) and int(ends[-1]) >= 1 << 32:
             raise SceneError(
-                f"polygon {self.count}: found more than 2^32 vertices of polygons, expected fewer "
-                "in one group: spread the polygons over several groups"
+                f"polygon {self.count}: found more than 2^32 vertices of polygons, expected fewer"
             )
         self.files["offsets"].write(ends.astype("<u4"))
         self.vertices = int(ends[-1]) if len(ends) else self.vertices
@@ -366,7 +365,8 @@ class SceneWriter:
         if stream.wide:
             data = records.astype(np.float64, copy=False)
         else:
-            data = _relative(kind, records, origin).astype(np.float32, copy=False)
+            with np.errstate(over="ignore"):  # what becomes infinite is refused with its index
+                data = _relative(kind, records, origin).astype(np.float32, copy=False)
         stream.append(data, counts, indices, origin, self._extent)
 
     def _origin_for(self, records: NDArray[Any]) -> Vector:
