@@ -139,7 +139,7 @@ def timed(command: list[str]) -> tuple[float, int]:
     """Seconds and peak bytes of a command that must succeed."""
     start = time.perf_counter()
     process = subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=os.environ
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=tempfile.gettempdir()
     )
     assert process.stderr is not None
     said = process.stderr.read()

@@ -33,9 +33,13 @@ def memory_cap(amount: int) -> Iterator[Path | None]:
         group.rmdir()
 
 
-def run_in(group: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
+def run_in(group: Path, command: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a command inside a cgroup."""
     script = 'echo $$ >"$0/cgroup.procs" && exec "$@"'
     return subprocess.run(
-        ["sh", "-c", script, str(group), *command], capture_output=True, text=True, check=False
+        ["sh", "-c", script, str(group), *command],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
     )

@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import numpy as np
@@ -40,12 +42,14 @@ def nff(tmp_path):
     return path
 
 
-def run(*arguments, **options):
+def run(*arguments, cwd=tempfile.gettempdir(), **options):
+    """The command as a process, away from the source tree, which has no compiled modules."""
     return subprocess.run(
         [sys.executable, "-m", "bfrt", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
+        cwd=cwd,
         **options,
     )
 
@@ -164,8 +168,6 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
 def test_wrong_use_says_why(nff, arguments, status, words):
     done = run(*arguments, cwd=nff.parent)
     assert done.returncode == status
-    import re
-
     assert re.search(words, done.stderr), done.stderr
     assert "Traceback" not in done.stderr
     assert names(nff.parent) == ["scene.nff"]

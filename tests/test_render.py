@@ -71,7 +71,7 @@ def same(a, b):
 
 
 def least_memory(store, camera, **settings):
-    with pytest.raises(bfrt.BudgetError, match="expected (.*) or more") as refusal:
+    with pytest.raises(bfrt.BudgetError, match="or more") as refusal:
         bfrt.render(store, camera=camera, memory="1MiB", **settings)
     return str(refusal.value).split("expected ")[1].split(" or more")[0]
 
@@ -243,17 +243,18 @@ def test_the_budget_is_kept_in_a_memory_cgroup(rings, tmp_path):
                 pytest.skip("no memory cgroup can be made here")
             command = [sys.executable, "-m", "bfrt", "render", str(rings.path), "--quiet"]
             output = tmp_path / f"{memory}.exr"
-            done = run_in(group, [*command, "-o", str(output), "--memory", memory])
+            done = run_in(group, [*command, "-o", str(output), "--memory", memory], tmp_path)
             assert done.returncode == 0, done.stderr
     first, second = (path.read_bytes() for path in tmp_path.glob("*.exr"))
     assert first == second
 
 
-@pytest.mark.parametrize("memory", ["96MiB", "160MiB"])
-def test_the_peak_is_below_the_budget(rings, tmp_path, memory):
+@pytest.mark.parametrize(("memory", "side"), [("100MiB", 512), ("160MiB", 512), ("288MiB", 1400)])
+def test_the_peak_is_below_the_budget(rings, tmp_path, memory, side):
+    size = ["--resolution", str(side), str(side)]
     command = [sys.executable, "-m", "bfrt", "render", str(rings.path), "--memory", memory]
     outputs = ["-o", str(tmp_path / "a.exr"), "--stats", str(tmp_path / "a.json")]
-    subprocess.run([*command, *outputs], check=True)
+    subprocess.run([*command, *outputs, *size], check=True, cwd=tmp_path)
     peak = json.loads((tmp_path / "a.json").read_text())["peak_rss_bytes"]
     assert peak < int(memory[:-3]) << 20
 
