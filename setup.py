@@ -1,6 +1,6 @@
 """Build switches of the compiled core, all of them.
 
-``BFRT_BUILD=release`` (the default), ``debug`` (bounds and overflow checks, assertions) or
+``BFRT_BUILD=release`` (the default), ``debug`` (bounds checks, line numbers for profilers) or
 ``sanitize`` (AddressSanitizer and UndefinedBehaviorSanitizer; run it under ``LD_PRELOAD`` of
 libasan, as docs/building.rst shows).
 """

@@ -139,7 +139,7 @@ def timed(command: list[str]) -> tuple[float, int]:
     """Seconds and peak bytes of a command that must succeed."""
     start = time.perf_counter()
     process = subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=os.environ
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=tempfile.gettempdir()
     )
     assert process.stderr is not None
     said = process.stderr.read()
@@ -166,8 +166,7 @@ def compare(name: str, size: int, runs: int, folder: Path, threads: int) -> str:
     ]  # fmt: skip
     results = [(timed(ours), timed(theirs)) for _ in range(runs)]
     (t1, m1), (t2, m2) = (
-        [statistics.median(run[who][what] for run in results) for what in (0, 1)]
-        for who in (0, 1)
+        [statistics.median(run[who][what] for run in results) for what in (0, 1)] for who in (0, 1)
     )
     ratio = statistics.median(run[1][0] / run[0][0] for run in results)
     return (
@@ -188,9 +187,7 @@ def main() -> None:
     print("             bfrt s      MiB  povray s      MiB  faster memory")
     for size in arguments.sizes:
         with tempfile.TemporaryDirectory() as folder:
-            row = compare(
-                arguments.name, size, arguments.runs, Path(folder), arguments.threads
-            )
+            row = compare(arguments.name, size, arguments.runs, Path(folder), arguments.threads)
             print(row, flush=True)
 
 

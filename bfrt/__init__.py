@@ -7,7 +7,7 @@
 """
 
 from bfrt import spd
-from bfrt.convert import convert
+from bfrt.conversion import convert
 from bfrt.errors import (
     BfrtError,
     BudgetError,
@@ -20,7 +20,7 @@ from bfrt.errors import (
     StreamError,
 )
 from bfrt.image.picture import Image
-from bfrt.render import render
+from bfrt.rendering import render
 from bfrt.scene.model import Camera, Light, Material
 from bfrt.scene.store import Store
 from bfrt.scene.store import open_store as open

@@ -48,11 +48,17 @@ CGROUPS = Path("/sys/fs/cgroup")
 #: Bytes of one read buffer; a worker has up to four a stream.
 READ_BUFFER = 1 << 18
 
+#: A pixel of the finished image: R G B A, Z, N and the two halves of the id, 4 bytes each.
+PIXEL_BYTES = 40
+
 #: Bytes that a band of image rows takes while it is written, encoders' copies included.
 IMAGE_BAND = 4 << 20
 
-#: A voxel: its mark, where its rays begin, and its share of the occupancy pyramid.
-VOXEL_BYTES = 1 + 4 + 1 / 32
+#: A voxel: its mark, and where its rays begin.
+VOXEL_BYTES = 1 + 4
+
+#: A brick of 4 x 4 x 4 voxels: a bit for each that holds rays.
+BRICK_BYTES = 8
 
 #: The fewest rays in flight that are worth a sweep over the objects.
 FEWEST_RAYS = 4096
@@ -134,10 +140,10 @@ class Capacities:
 
 
 def frame_bytes(width: int, height: int, samples: int) -> int:
-    """The film, and the finished image that is made of it."""
+    """The film, and the finished image that is made of it while it is still there."""
     corners = samples == 0
     elements = (width + corners) * (height + corners)
-    return elements * (FILM_BYTES + AOV_BYTES) + IMAGE_BAND
+    return elements * (FILM_BYTES + AOV_BYTES) + width * height * PIXEL_BYTES + IMAGE_BAND
 
 
 def fixed_bytes(store: Store, width: int, height: int, samples: int, threads: int) -> int:
@@ -148,6 +154,12 @@ def fixed_bytes(store: Store, width: int, height: int, samples: int, threads: in
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
     frame = frame_bytes(width, height, samples)
     return BASELINE + frame + buffers + outgoing + palette
+
+
+def grid_bytes(shape: tuple[int, int, int]) -> int:
+    """A grid's marks, ray starts and occupancy; what is above the bricks is a byte for 64."""
+    bricks = math.prod(-(-side // 4) for side in shape)
+    return math.prod(shape) * VOXEL_BYTES + bricks * (BRICK_BYTES + 1)
 
 
 def emit_room(lights: int) -> int:
@@ -166,18 +178,16 @@ def capacities(
         If it is less than the least that works; the message names that.
     """
     fixed = fixed_bytes(store, width, height, samples, threads)
-    least = fixed + int(
-        FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 64 * VOXEL_BYTES
-    )
+    least = fixed + int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
     if memory < least:
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more "
             f"for {width} x {height} pixels of this scene with {threads} threads"
         )
     left = memory - fixed
-    voxels = int(min(left * GRID_PART / VOXEL_BYTES, 1 << VOXEL_BITS))
+    voxels = int(min(left * GRID_PART / (VOXEL_BYTES + BRICK_BYTES / 16), 1 << VOXEL_BITS))
     grids = [resolution(group.grid_bounds, group.gridded, voxels) for group in store.groups]
-    left -= int(max(math.prod(shape) for shape in grids) * VOXEL_BYTES)
+    left -= max(grid_bytes(shape) for shape in grids)
     rays = min(int(left * FLYING_PART / FLYING_BYTES), 1 << RAY_BITS)
     others = (left - rays * FLYING_BYTES) // 2
     return Capacities(

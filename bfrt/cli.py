@@ -20,10 +20,10 @@ from typing import Any
 
 import bfrt
 from bfrt.budget import parse_memory
-from bfrt.convert import convert, is_store, parse_spd, read_view
+from bfrt.conversion import convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.image.picture import SUFFIXES
-from bfrt.render import render, scratch_folder
+from bfrt.rendering import render, scratch_folder
 from bfrt.scene.model import Camera
 from bfrt.scene.store import Store, bounds_to, open_store
 from bfrt.streams.aside import aside
@@ -107,7 +107,7 @@ def add_render(commands: Any) -> None:
     made.add_argument("--depth", type=int, default=5, metavar="N", help="hits along a path (5)")
     made.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"))
     made.add_argument("--view", metavar="FILE", help="take the view (v) of this NFF file")
-    vector = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
+    vector: dict[str, Any] = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     made.add_argument("--from", dest="eye", help="where the eye is", **vector)
     made.add_argument("--at", help="what it looks at", **vector)
     made.add_argument("--up", help="which way is up", **vector)

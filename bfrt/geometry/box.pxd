@@ -5,7 +5,7 @@ A box without a point (lo > hi) belongs to a degenerate object, which nothing ev
 
 from libc.math cimport INFINITY
 
-from bfrt.geometry.vector cimport Line, Vec
+from bfrt.geometry.vector cimport Line, Vec, larger, smaller
 
 cdef extern from *:
     """
@@ -73,17 +73,25 @@ cdef inline void box_point(Box* b, Vec p) noexcept nogil:
     box_axis(b, 2, p.z)
 
 
+cdef inline void box_union(const Box* boxes, int n, Box* all) noexcept nogil:
+    """The box around n boxes, empty ones among them."""
+    cdef int i, k
+    box_clear(all)
+    for i in range(n):
+        for k in range(3):
+            all.lo[k] = boxes[i].lo[k] if boxes[i].lo[k] < all.lo[k] else all.lo[k]
+            all.hi[k] = boxes[i].hi[k] if boxes[i].hi[k] > all.hi[k] else all.hi[k]
+
+
 cdef inline bint slab_axis(double lo, double hi, double o, double inv, Span* s) noexcept nogil:
     """Narrow the span of t to lo <= o + t d <= hi on one axis (rules 2 and 4)."""
-    cdef double a, b, first, second
+    cdef double a, b
     if inv == 0.0:
         return lo <= o <= hi
     a = (lo - o) * inv
     b = (hi - o) * inv
-    first = a if a < b else b
-    second = b if a < b else a
-    s.near = first if first > s.near else s.near
-    s.far = second if second < s.far else s.far
+    s.near = larger(smaller(a, b), s.near)
+    s.far = smaller(larger(a, b), s.far)
     return s.near <= s.far
 
 

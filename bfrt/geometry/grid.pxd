@@ -15,7 +15,7 @@ from libc.math cimport INFINITY
 from libc.stdint cimport uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Span, slab_axis
-from bfrt.geometry.vector cimport Line
+from bfrt.geometry.vector cimport Line, larger, smaller
 
 cdef enum:
     LOW = 0
@@ -78,8 +78,7 @@ cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil
 cdef inline int roughly(const Grid* g, int k, double x, double slack) noexcept nogil:
     """The voxel of axis k that holds x, by arithmetic, moved by `slack` voxels."""
     cdef double guess = (x - g.plane[k][0]) * g.inverse[k] + slack
-    guess = guess if guess > 0.0 else 0.0
-    return <int>(guess if guess < g.n[k] - 1 else g.n[k] - 1)
+    return <int>smaller(larger(guess, 0.0), g.n[k] - 1)
 
 
 cdef inline double crossing(const Walk* w, int k, int plane) noexcept nogil:
@@ -173,7 +172,6 @@ cdef inline bint walk_start(Walk* w, const Grid* g, const Line* l) noexcept nogi
 cdef inline void walk_resume(Walk* w, const Grid* g, const Line* l, uint32_t voxel,
                              int face) noexcept nogil:
     """Take up a walk again from its state (rule 7). A start is taken up as at t = 0."""
-    cdef int k
     walk_line(w, g, l)
     w.at[0] = voxel % g.n[0]
     w.at[1] = (voxel // g.n[0]) % g.n[1]
@@ -208,18 +206,14 @@ cdef inline uint64_t voxel_count(const Grid* g) noexcept nogil:
     return <uint64_t>g.n[0] * g.n[1] * g.n[2]
 
 
-cdef inline int row_faces(const Range* r, int y, int z) noexcept nogil:
-    """The faces, as bits, by which a ray may have come into the range in a row of voxels along x.
+cdef inline int entered_by(const Range* r, int x, int y, int z) noexcept nogil:
+    """The faces, as bits, by which a ray comes into the range at a voxel of it.
 
-    START always counts: the walk began inside. The low and the high end of the row add LOW, HIGH.
+    START always counts: the walk began inside.
     """
     return (
         1 << START
+        | (x == r.lo[0]) << LOW | (x == r.hi[0]) << HIGH
         | (y == r.lo[1]) << (LOW + 1) | (y == r.hi[1]) << (HIGH + 1)
         | (z == r.lo[2]) << (LOW + 2) | (z == r.hi[2]) << (HIGH + 2)
     )
-
-
-cdef inline int voxel_faces(const Range* r, int row, int x) noexcept nogil:
-    """The same for the voxel at x of the row."""
-    return row | (x == r.lo[0]) << LOW | (x == r.hi[0]) << HIGH

@@ -2,6 +2,15 @@
 
 from libc.math cimport fabs, isfinite, sqrt
 
+cdef extern from *:
+    """
+    /* One instruction each; of a NaN the second argument is left. */
+    static inline double bfrt_smaller(double a, double b) { return a < b ? a : b; }
+    static inline double bfrt_larger(double a, double b) { return a > b ? a : b; }
+    """
+    double smaller "bfrt_smaller"(double a, double b) noexcept nogil
+    double larger "bfrt_larger"(double a, double b) noexcept nogil
+
 cdef struct Vec:
     double x
     double y
@@ -57,12 +66,7 @@ cdef inline Vec unit(Vec a) noexcept nogil:
 
 cdef inline double largest(Vec a) noexcept nogil:
     """The largest magnitude of a component."""
-    cdef double m = fabs(a.x)
-    if fabs(a.y) > m:
-        m = fabs(a.y)
-    if fabs(a.z) > m:
-        m = fabs(a.z)
-    return m
+    return larger(fabs(a.x), larger(fabs(a.y), fabs(a.z)))
 
 
 cdef inline double inverse(double d) noexcept nogil:

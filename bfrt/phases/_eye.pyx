@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.far cimport Bounds, advance_far
-from bfrt.geometry.vector cimport Line, Vec, add, line, scale, unit, vec
+from bfrt.geometry.vector cimport Line, Vec, add, length, line, scale, unit, vec
 from bfrt.records cimport EYE, Queued
 
 
@@ -52,9 +52,9 @@ def eye_rays(int64_t first, Queued[::1] out, const double[:, ::1] view, int widt
     for k in range(3):
         b.lo[k] = bounds[0, k]
         b.hi[k] = bounds[1, k]
-    b.diagonal = 0.0
-    for k in range(3):
-        b.diagonal = max(b.diagonal, b.hi[k] - b.lo[k])
+    b.diagonal = length(
+        vec(b.hi[0] - b.lo[0], b.hi[1] - b.lo[1], b.hi[2] - b.lo[2])
+    )
     with nogil:
         for i in range(out.shape[0]):
             index = first + i

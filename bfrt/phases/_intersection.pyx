@@ -2,24 +2,26 @@
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
-from bfrt.geometry.box cimport Box, Span, box_empty, box_span
+from bfrt.geometry.box cimport Box, Span, box_empty, box_span, box_union
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.grid cimport Grid, Range, box_range, roughly, row_faces, voxel_faces
+from bfrt.geometry.grid cimport Grid, Range, box_range, entered_by, roughly
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
 from bfrt.geometry.vector cimport Line
 from bfrt.phases.nearest cimport nearer, ray_line
 from bfrt.phases.voxel_rays cimport (
-    BRICK_BITS, VoxelRays, entry_face, entry_ray, entry_voxel, occupied,
+    BRICK_BITS, VoxelRays, brick_word, entry_face, entry_ray, occupied, range_word,
 )
 from bfrt.records cimport INDEX_BITS, Ray
-from bfrt.scene.sweep cimport Sweep, advance
+from bfrt.scene.sweep cimport Sweep, advance_block
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
     """
     #define bfrt_prefetch(p) __builtin_prefetch(p)
+    #define bfrt_lowest_bit(word) __builtin_ctzll(word)
     """
+    int lowest_bit "bfrt_lowest_bit"(uint64_t word) noexcept nogil
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
 
 cdef enum:
@@ -109,57 +111,77 @@ cdef inline void gather(Search* s, uint32_t ray) noexcept nogil:
         meet_boxed(s)
 
 
-cdef inline void meet_row(Search* s, VoxelRays v, int x0, int x1, int y, int z) noexcept nogil:
-    """The rays in a row of voxels; a row's entries lie side by side."""
-    cdef int64_t row = s.grid.n[0] * (y + s.grid.n[1] * <int64_t>z)
+cdef inline void meet_voxel(Search* s, VoxelRays v, int x, int y, int z) noexcept nogil:
+    """The rays that enter the object's region by this voxel."""
+    cdef int64_t voxel = x + s.grid.n[0] * (y + s.grid.n[1] * <int64_t>z)
     cdef int64_t i
     cdef uint64_t entry
-    cdef int faces = row_faces(&s.range, y, z)
-    for i in range(v.start[row + x0], v.start[row + x1 + 1]):
+    cdef int faces = entered_by(&s.range, x, y, z)
+    for i in range(v.start[voxel], v.start[voxel + 1]):
         entry = v.entries[i]
-        if voxel_faces(&s.range, faces, entry_voxel(entry) - row) >> entry_face(entry) & 1:
+        if faces >> entry_face(entry) & 1:
             gather(s, entry_ray(entry))
 
 
-cdef void meet_brick(Search* s, VoxelRays v, int level, int bx, int by, int bz) noexcept nogil:
+cdef void meet_brick(Search* s, VoxelRays v, int bx, int by, int bz) noexcept nogil:
     """The rays in the part of the range that a brick holds."""
+    cdef uint64_t word = brick_word(v, bx, by, bz)
+    cdef int bit
+    if not word:
+        return
+    word &= range_word(&s.range.lo[0], &s.range.hi[0], bx, by, bz)
+    while word:
+        bit = lowest_bit(word)
+        word &= word - 1
+        meet_voxel(
+            s, v, bx << BRICK_BITS | (bit & 3), by << BRICK_BITS | (bit >> 2 & 3),
+            bz << BRICK_BITS | bit >> 4,
+        )
+
+
+cdef void meet_cube(Search* s, VoxelRays v, int level, int cx, int cy, int cz) noexcept nogil:
+    """The rays in the part of the range that a cube of some level holds."""
     cdef int at[3]
     cdef int lo[3]
     cdef int hi[3]
     cdef int k, x, y, z, below
-    if not occupied(v, level, bx, by, bz):
+    if level == 1:
+        meet_brick(s, v, cx, cy, cz)
         return
-    at[0], at[1], at[2] = bx, by, bz
+    if not occupied(v, level, cx, cy, cz):
+        return
+    at[0], at[1], at[2] = cx, cy, cz
     below = BRICK_BITS * (level - 1)
-    for k in range(3):  # in units of the level below: bricks, or at last voxels
+    for k in range(3):
         lo[k] = max(at[k] << BRICK_BITS, s.range.lo[k] >> below)
         hi[k] = min((at[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, s.range.hi[k] >> below)
     for z in range(lo[2], hi[2] + 1):
         for y in range(lo[1], hi[1] + 1):
-            if level == 1:
-                meet_row(s, v, lo[0], hi[0], y, z)
-                continue
             for x in range(lo[0], hi[0] + 1):
-                meet_brick(s, v, level - 1, x, y, z)
+                meet_cube(s, v, level - 1, x, y, z)
 
 
 cdef inline bint rays_near(const Box* b, const Grid* g, VoxelRays v) noexcept nogil:
-    """Whether any brick that the box may touch holds a ray: false for most boxes, at once.
+    """Whether any voxel that a box may touch holds a ray: false for most boxes, at once.
 
-    Arithmetic with some slack, in place of the table: it never misses a brick of the range.
+    Arithmetic with some slack, in place of the table: it never misses a voxel of the range.
     """
     cdef int lo[3]
     cdef int hi[3]
     cdef int k, x, y, z
+    cdef uint64_t word
+    if box_empty(b):
+        return False
     for k in range(3):
-        lo[k] = roughly(g, k, b.lo[k], -g.slack[k]) >> BRICK_BITS
-        hi[k] = roughly(g, k, b.hi[k], g.slack[k]) >> BRICK_BITS
-        if hi[k] - lo[k] > 3:
+        lo[k] = roughly(g, k, b.lo[k], -g.slack[k])
+        hi[k] = roughly(g, k, b.hi[k], g.slack[k])
+        if hi[k] - lo[k] > 12:
             return True
-    for z in range(lo[2], hi[2] + 1):
-        for y in range(lo[1], hi[1] + 1):
-            for x in range(lo[0], hi[0] + 1):
-                if occupied(v, 1, x, y, z):
+    for z in range(lo[2] >> BRICK_BITS, (hi[2] >> BRICK_BITS) + 1):
+        for y in range(lo[1] >> BRICK_BITS, (hi[1] >> BRICK_BITS) + 1):
+            for x in range(lo[0] >> BRICK_BITS, (hi[0] >> BRICK_BITS) + 1):
+                word = brick_word(v, x, y, z)
+                if word and word & range_word(&lo[0], &hi[0], x, y, z):
                     return True
     return False
 
@@ -183,7 +205,7 @@ cdef void meet_rays(Search* s, VoxelRays v) noexcept nogil:
     for z in range(s.range.lo[2] >> down, (s.range.hi[2] >> down) + 1):
         for y in range(s.range.lo[1] >> down, (s.range.hi[1] >> down) + 1):
             for x in range(s.range.lo[0] >> down, (s.range.hi[0] >> down) + 1):
-                meet_brick(s, v, level, x, y, z)
+                meet_cube(s, v, level, x, y, z)
     meet_boxed(s)
     if s.pending:
         meet_pending(s)
@@ -205,25 +227,34 @@ def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray
     box_tests, object_tests : int
     """
     cdef Search s
-    cdef int64_t i
+    cdef Box all
+    cdef int64_t left = n
+    cdef uint64_t first = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
+    cdef int i, block
     s.grid = &lattice.grid
     s.rays = &rays[0]
     s.locks = &locks[0]
     s.lock_mask = <uint32_t>(locks.shape[0] - 1)
     s.frame = &sweep.frame
     s.kind = sweep.kind
-    s.box = &sweep.box
     s.gathered = s.pending = 0
     s.box_tests = s.object_tests = 0
     with nogil:
-        for i in range(n):
-            s.id = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
-            advance(sweep)
-            if box_empty(&sweep.box) or not rays_near(&sweep.box, s.grid, voxel_rays):
+        while left > 0:
+            block = advance_block(sweep, left)
+            left -= block
+            box_union(&sweep.box[0], block, &all)
+            if not rays_near(&all, s.grid, voxel_rays):
+                first += block
                 continue
-            s.record = sweep.record
-            s.count = sweep.count
-            s.loaded = False
-            box_range(&lattice.grid, &sweep.box, &s.range)
-            meet_rays(&s, voxel_rays)
+            for i in range(block):
+                s.box = &sweep.box[i]
+                s.record = sweep.record + i * sweep.stride
+                s.count = sweep.count
+                s.id = first
+                first += 1
+                if rays_near(s.box, s.grid, voxel_rays):
+                    s.loaded = False
+                    box_range(s.grid, s.box, &s.range)
+                    meet_rays(&s, voxel_rays)
     return s.box_tests, s.object_tests

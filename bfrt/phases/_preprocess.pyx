@@ -33,15 +33,14 @@ def mark(Sweep sweep, int64_t n, Lattice lattice, uint8_t[::1] marks):
     marks : (voxels,) uint8
         IN, OUT. Threads may share it.
     """
-    cdef int64_t i
     cdef int axis
     cdef Range r
     with nogil:
-        for i in range(n):
+        for _ in range(n):
             advance(sweep)
-            if box_empty(&sweep.box):
+            if box_empty(&sweep.box[0]):
                 continue
-            box_range(&lattice.grid, &sweep.box, &r)
+            box_range(&lattice.grid, &sweep.box[0], &r)
             for axis in range(3):
                 mark_face(&lattice.grid, r, axis, False, &marks[0])
                 mark_face(&lattice.grid, r, axis, True, &marks[0])

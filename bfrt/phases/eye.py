@@ -64,8 +64,8 @@ def view_vectors(camera: Camera, origin: tuple[float, ...]) -> NDArray[np.float6
 
     The one place where trigonometry is done: once a view.
     """
-    eye = np.array(camera.eye)
-    forward = np.array(camera.at) - eye
+    eye = np.array(camera.eye, np.float64)
+    forward = np.array(camera.at, np.float64) - eye
     forward /= np.sqrt((forward * forward).sum())
     right = np.array(cross(tuple(forward), camera.up))
     right /= np.sqrt((right * right).sum())

@@ -87,9 +87,7 @@ class Shading:
     ) -> None:
         ids = np.ascontiguousarray(hits["id"])
         shaders = [
-            Shader(
-                self._palette, self._lights, self._ambient, self._eye, self._film, out, emit
-            )
+            Shader(self._palette, self._lights, self._ambient, self._eye, self._film, out, emit)
             for out in self._out
         ]
 

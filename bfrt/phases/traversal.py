@@ -125,15 +125,13 @@ class Flight:
         segments: list[tuple[int, int, int]] = []
 
         def chunk(_: int, first: int, last: int) -> None:
-            found, steps = collect(
-                self._rays, first, last, self.lattice, self._marks, quota, slots
-            )
+            found, steps = collect(self._rays, first, last, self.lattice, self._marks, quota, slots)
             segments.append((first * quota, found, steps))
 
         self._workers.run(chunk, self.active, smallest=FEWEST)
         firsts, counts, steps = np.array(sorted(segments), np.int64).T.copy()
         counters.voxel_steps += int(steps.sum())
-        voxel_rays.sort(firsts, counts)
+        voxel_rays.sort(firsts, counts, self._workers)
 
     def settle(
         self,

@@ -4,7 +4,8 @@
 
     entry    voxel (30 bits) | ray (21) | face (3)      bit 63: in its place
     start    where each voxel's entries begin; the last is the number of entries
-    bricks   level by level, one byte a cube of 4, 16, 64 ... voxels a side: 1 where a ray is
+    bricks   a word for each cube of 4 x 4 x 4 voxels, a bit a voxel: 1 where a ray is
+    upper    level by level, a byte for each cube of 16, 64 ... voxels a side: 1 where a ray is
 """
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
@@ -19,15 +20,19 @@ cdef enum:
 cdef class VoxelRays:
     cdef uint64_t[::1] entries
     cdef uint32_t[::1] start
-    cdef uint8_t[::1] bricks
-    cdef int64_t level_begin[LEVELS]   # of level 1, 2, ... at 1, 2, ...
+    cdef uint64_t[::1] bricks
+    cdef uint8_t[::1] upper
+    cdef int64_t level_begin[LEVELS]   # of level 2, 3, ... in upper
     cdef int level_size[LEVELS][3]
     cdef int levels
     cdef int n[3]
 
-    cdef void count(self, int64_t n) noexcept nogil
+    cdef int64_t pack(self, const int64_t[::1] firsts, const int64_t[::1] counts) noexcept
+    cdef int64_t partition(self, int64_t n, int64_t border) noexcept nogil
+    cdef void sort_part(self, int64_t voxel, int64_t end, int64_t first, int64_t last) noexcept
+    cdef void count(self, int64_t voxel, int64_t end, int64_t first, int64_t last) noexcept nogil
     cdef void occupy(self, uint32_t voxel) noexcept nogil
-    cdef void place(self, int64_t n) noexcept nogil
+    cdef void place(self, int64_t first, int64_t last) noexcept nogil
 
 
 cdef inline uint64_t entry_of(uint32_t voxel, uint32_t ray, int face) noexcept nogil:
@@ -46,7 +51,38 @@ cdef inline int entry_face(uint64_t entry) noexcept nogil:
     return entry & ((1 << FACE_BITS) - 1)
 
 
+cdef inline uint64_t brick_word(VoxelRays v, int x, int y, int z) noexcept nogil:
+    """Which voxels of a brick hold rays: bit x + 4 y + 16 z."""
+    return v.bricks[x + v.level_size[1][0] * (y + v.level_size[1][1] * <int64_t>z)]
+
+
 cdef inline bint occupied(VoxelRays v, int level, int x, int y, int z) noexcept nogil:
-    """Whether a brick of a level holds any ray."""
+    """Whether a cube of a level above the first holds any ray."""
     cdef int* size = &v.level_size[level][0]
-    return v.bricks[v.level_begin[level] + x + size[0] * (y + size[1] * <int64_t>z)]
+    return v.upper[v.level_begin[level] + x + size[0] * (y + size[1] * <int64_t>z)]
+
+
+cdef inline int run(int lo, int hi, int brick) noexcept nogil:
+    """Bits lo to hi of an axis, as far as they are in a brick."""
+    lo -= brick << BRICK_BITS
+    hi -= brick << BRICK_BITS
+    lo = lo if lo > 0 else 0
+    hi = hi if hi < 3 else 3
+    return (2 << hi) - (1 << lo)
+
+
+cdef inline uint64_t spread(int bits, int apart) noexcept nogil:
+    """Four bits, moved apart."""
+    return (
+        <uint64_t>(bits & 1) | <uint64_t>(bits >> 1 & 1) << apart
+        | <uint64_t>(bits >> 2 & 1) << 2 * apart | <uint64_t>(bits >> 3 & 1) << 3 * apart
+    )
+
+
+cdef inline uint64_t range_word(const int* lo, const int* hi, int x, int y,
+                                int z) noexcept nogil:
+    """The voxels lo to hi, inclusive, in brick (x, y, z), which holds some of them."""
+    return (
+        <uint64_t>run(lo[0], hi[0], x) * spread(run(lo[1], hi[1], y), 4)
+        * spread(run(lo[2], hi[2], z), 16)
+    )

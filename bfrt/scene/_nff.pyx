@@ -578,7 +578,7 @@ cdef class Parser:
             self.in_light = True
             return GO_ON
         if self.entity == MATERIAL_COLOR:
-            return self.begin(MATERIAL_REST, 3, 8, -INFINITY)
+            return self.begin(MATERIAL_REST, 3, 8, 0.0)
         if self.entity == LIGHT_COLOR:
             return LIGHT
         return MATERIAL if self.entity == MATERIAL_REST else BACKGROUND

@@ -56,9 +56,7 @@ class Objects:
             for sweep in sweeps:
                 sweep.rewind()
 
-            def chunk(
-                worker: int, first: int, last: int, sweeps: list[Sweep] = sweeps
-            ) -> None:
+            def chunk(worker: int, first: int, last: int, sweeps: list[Sweep] = sweeps) -> None:
                 sweeps[worker].window(first, last)
                 loop(worker, sweeps[worker], first, last)
 

@@ -49,7 +49,8 @@ cdef class Sweep:
         if self.material_bytes:
             names.append("materials")
         self.tapes = tapes or tuple(Tape(stream.path(name)) for name in names)
-        self.geometry = Reader(self.tapes[0], max(capacity, self.stride * max(1, stream.largest)))
+        largest = self.stride * max(BLOCK, stream.largest)
+        self.geometry = Reader(self.tapes[0], max(capacity, largest))
         if self.kind != SPHERE:
             self.boxes = Reader(self.tapes[1], capacity)
         if self.kind == POLYGON:

@@ -169,8 +169,7 @@ class StreamWriter:
         ends = self.vertices + np.cumsum(counts, dtype=np.uint64)
         if len(ends) and int(ends[-1]) >= 1 << 32:
             raise SceneError(
-                f"polygon {self.count}: found more than 2^32 vertices of polygons, expected fewer "
-                "in one group: spread the polygons over several groups"
+                f"polygon {self.count}: found more than 2^32 vertices of polygons, expected fewer"
             )
         self.files["offsets"].write(ends.astype("<u4"))
         self.vertices = int(ends[-1]) if len(ends) else self.vertices

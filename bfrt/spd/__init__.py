@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bfrt.errors import SettingError
+from bfrt.spd.recipe import SpdScene
 from bfrt.spd.rings import Rings
-from bfrt.spd.scene import SpdScene
 
 __all__ = ["NAMES", "rings", "scene"]
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material
-from bfrt.spd.scene import BLOCK_OBJECTS, Block, Part, SpdScene, phong_power
+from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, SpdScene, phong_power
 
 RADIUS = 0.07412
 #: Between layers. It makes the pyramid's sides lean as those of a 45 degree view do.

@@ -87,7 +87,7 @@ def test_ties_for_the_last_place_are_decided_by_id(late_first):
     boxes[:64, :3] = np.random.default_rng(1).integers(-1000, 1000, (64, 3))
     boxes[:, 3:] = boxes[:, :3] + 1
     ids = np.arange(70, dtype=np.uint64)
-    blocks = [slice(0, 64), slice(64, 70)]
+    blocks = [slice(0, 6), slice(6, 64), slice(64, 70)]
     found, grid = gathered(boxes, ids, blocks[::-1] if late_first else blocks).outliers()
     assert found == list(range(64))
     same(grid, Bounds(np.zeros(3), np.ones(3)))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError
 from bfrt.scene.model import Camera
 from bfrt.scene.nff import read_nff
 from bfrt.scene.store import HEADER, Store, open_store
@@ -64,13 +64,23 @@ def convert(
         if name.startswith("spd:"):
             parse_spd(name).feed(writer)
         elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
-            read_nff(name, writer, progress=progress)
+            read_scene(name, writer, progress)
         else:
             raise SettingError(
                 f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(SUFFIXES)}, "
                 "spd:NAME:SIZE, or - for NFF from standard input"
             )
     return open_store(target)
+
+
+def read_scene(name: str, writer: SceneWriter, progress: Report | None) -> None:
+    """Read NFF into a writer, whose own complaints get the file's name too."""
+    try:
+        read_nff(name, writer, progress=progress)
+    except SceneError as error:
+        if str(error).startswith((name, "<stdin>")):
+            raise
+        raise SceneError(f"{name}: {error}") from error
 
 
 def parse_spd(name: str) -> Any:

@@ -9,7 +9,7 @@ import pytest
 
 from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material
-from bfrt.spd.scene import Part, SpdScene, phong_power
+from bfrt.spd.recipe import Part, SpdScene, phong_power
 
 
 class Row(SpdScene):

@@ -204,9 +204,7 @@ class Bar:
         try:
             from tqdm import tqdm
         except ImportError:
-            raise SettingError(
-                "progress: a bar needs tqdm: install bfrt[progress]"
-            ) from None
+            raise SettingError("progress: a bar needs tqdm: install bfrt[progress]") from None
         self._tqdm = tqdm
         self._bar: Any = None
         self._depth = 0

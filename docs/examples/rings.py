@@ -1,0 +1,23 @@
+"""SPD's rings: a pyramid of linked rings before a wall.
+
+python rings.py [FOLDER [PIXELS]]
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import bfrt
+
+
+def main(folder: Path, pixels: int = 512) -> None:
+    store = bfrt.spd.rings(7).write(folder / "rings.bfrt")
+    camera = replace(store.camera, resolution=(pixels, pixels))
+    image = bfrt.render(store, camera=camera, memory="256MiB")
+    image.save(folder / "rings.png")
+
+
+if __name__ == "__main__":
+    main(Path(*sys.argv[1:2]), *map(int, sys.argv[2:3]))

@@ -1,0 +1,209 @@
+"""The command line: what it says, what it leaves, how it ends."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+import pytest
+
+import bfrt
+from bfrt.cli import main
+
+NFF = """b 0.1 0.2 0.3
+v
+from 0 -5 0
+at 0 0 0
+up 0 0 1
+angle 45
+hither 1
+resolution 24 16
+l 3 -4 5
+f 1 0.5 0.25 0.7 0.3 20 0 0
+s 0 0 0 1
+c 1 0 0 0.2 2 0 1 0.1
+p 4
+-3 -3 -2
+3 -3 -2
+3 3 -2
+-3 3 -2
+"""
+
+
+@pytest.fixture
+def nff(tmp_path):
+    path = tmp_path / "scene.nff"
+    path.write_text(NFF)
+    return path
+
+
+def run(*arguments, cwd=tempfile.gettempdir(), **options):
+    """The command as a process, away from the source tree, which has no compiled modules."""
+    return subprocess.run(
+        [sys.executable, "-m", "bfrt", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
+        **options,
+    )
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_convert_then_render_is_render_in_one_go(nff, tmp_path):
+    assert main(["convert", str(nff), "-o", str(tmp_path / "a.bfrt")]) == 0
+    outputs = ["-o", str(tmp_path / "a.npy"), "-o", str(tmp_path / "a.png"), "-o"]
+    stats = ["--stats", str(tmp_path / "a.json"), "--memory", "256MiB", "--threads", "2"]
+    a = ["render", str(tmp_path / "a.bfrt"), *outputs, str(tmp_path / "a.exr"), *stats]
+    assert main(a) == 0
+    assert main(["render", str(nff), "-o", str(tmp_path / "b.npy"), "--memory", "99MiB"]) == 0
+    assert (tmp_path / "a.npy").read_bytes() == (tmp_path / "b.npy").read_bytes()
+    assert json.loads((tmp_path / "a.json").read_text())["objects"] == 3
+    assert names(tmp_path) == [
+        "a.bfrt", "a.exr", "a.json", "a.npy", "a.png", "b.npy", "scene.nff",
+    ]  # fmt: skip
+
+
+def test_standard_input_is_read(nff, tmp_path):
+    done = run("convert", "-", "-o", tmp_path / "a.bfrt", input=NFF)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert bfrt.open(tmp_path / "a.bfrt").objects == 3
+
+
+def test_the_view_can_be_another(nff, tmp_path):
+    view = tmp_path / "view.nff"
+    view.write_text("v\nfrom 5 0 0\nat 0 0 0\nup 0 0 1\nangle 30\nresolution 8 8\n")
+    store = str(tmp_path / "a.bfrt")
+    main(["convert", str(nff), "-o", store])
+    for name, arguments in {
+        "view": ["--view", str(view)],
+        "options": ["--from", "5", "0", "0", "--angle", "30", "--resolution", "8", "8"],
+        "scene": ["--resolution", "8", "8"],
+    }.items():
+        out = str(tmp_path / f"{name}.npy")
+        assert main(["render", store, "-o", out, "--memory", "128MiB", *arguments]) == 0
+    view, options, scene = (
+        np.load(tmp_path / f"{name}.npy") for name in ("view", "options", "scene")
+    )
+    assert (view == options).all()
+    assert (view != scene).any()
+
+
+def test_spd_makes_stores_and_text(tmp_path):
+    store, text = tmp_path / "r.bfrt", tmp_path / "r.nff"
+    assert main(["spd", "rings", "2", "-o", str(store), "--nff", str(text)]) == 0
+    assert bfrt.open(store).objects == 301
+    done = run("spd", "rings", "2", "--nff", "-")
+    assert done.stdout == text.read_text()
+    again = bfrt.convert(text, tmp_path / "again.bfrt")
+    assert [s.count for s in again.streams] == [s.count for s in bfrt.open(store).streams]
+
+
+def test_info_and_verify(nff, tmp_path, capsys):
+    store = tmp_path / "a.bfrt"
+    main(["convert", str(nff), "-o", str(store)])
+    assert main(["info", str(store)]) == 0
+    assert "objects: 3" in capsys.readouterr().out
+    assert main(["info", "--json", str(store)]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert {s["kind"]: s["objects"] for s in facts["streams"]} == {
+        "sphere": 1, "cone": 1, "polygon": 1,
+    }  # fmt: skip
+    assert main(["verify", str(store)]) == 0
+    file = store / "0" / "sphere" / "geometry"
+    data = bytearray(file.read_bytes())
+    data[3] ^= 16
+    file.write_bytes(data)
+    assert main(["verify", str(store)]) == 1
+    assert "geometry" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("s 0 0 0\n", "line"),
+        ("q 1 2 3\n", "line 1"),
+        ("s 0 0 nan 1\n", "line 1"),
+        ("\0\1\2\3", "line 1"),
+        (NFF[:-30], "end of file"),
+    ],
+)
+def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words):
+    bad = tmp_path / "bad.nff"
+    bad.write_text(text)
+    for command in (["convert", bad, "-o", "x.bfrt"], ["render", bad, "-o", "x.png"]):
+        done = run(*command, cwd=tmp_path)
+        assert done.returncode == 1
+        assert done.stderr.count("\n") == 1
+        assert "bad.nff" in done.stderr
+        assert words in done.stderr
+        assert "expected" in done.stderr
+        assert names(tmp_path) == ["bad.nff"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["render", "scene.nff", "-o", "x.gif"], 2, "expected .exr, .png, .npy"),
+        (["render", "scene.nff", "-o", "x.png", "--memory", "9MiB"], 2, "expected .* or more"),
+        (["render", "scene.nff", "-o", "x.png", "--memory", "9 bananas"], 2, "bananas"),
+        (["render", "scene.obj", "-o", "x.png"], 2, "found suffix '.obj'"),
+        (["render", "no.bfrt", "-o", "x.png"], 1, "not a scene store"),
+        (["render", "spd:rongs:3", "-o", "x.png"], 2, "rongs"),
+        (["spd", "rings", "0", "-o", "x.bfrt"], 2, "expected 1 or more"),
+        (["spd", "rings", "3"], 2, "expected -o"),
+        (["convert", "no.nff", "-o", "x.bfrt"], 1, "no.nff"),
+        (["verify", "scene.nff"], 1, "not a scene store"),
+        (["render"], 2, "usage"),
+    ],
+)
+def test_wrong_use_says_why(nff, arguments, status, words):
+    done = run(*arguments, cwd=nff.parent)
+    assert done.returncode == status
+    assert re.search(words, done.stderr), done.stderr
+    assert "Traceback" not in done.stderr
+    assert names(nff.parent) == ["scene.nff"]
+
+
+def test_degenerate_objects_give_one_warning(tmp_path):
+    file = tmp_path / "a.nff"
+    file.write_text(NFF + "c 1 1 1 1 1 1 1 1\np 3\n0 0 0\n1 1 1\n2 2 2\n")
+    done = run("convert", file, "-o", tmp_path / "a.bfrt")
+    assert done.returncode == 0
+    assert done.stderr.count("\n") == 1
+    assert "2 degenerate objects" in done.stderr
+    assert run("convert", file, "-o", tmp_path / "a.bfrt", "--quiet").stderr == ""
+
+
+def test_an_interrupt_ends_within_a_second_and_leaves_the_store_whole(tmp_path):
+    store = bfrt.spd.rings(20).write(tmp_path / "rings.bfrt")
+    command = [sys.executable, "-m", "bfrt", "render", str(store.path), "-o", "x.png"]
+    process = subprocess.Popen(
+        [*command, "--resolution", "2000", "2000", "--memory", "512MiB"],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+    )
+    time.sleep(2.5)
+    assert process.poll() is None
+    start = time.perf_counter()
+    os.kill(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert time.perf_counter() - start < 1.5  # a second, and what a busy machine adds
+    assert process.returncode == 130
+    assert said == "bfrt: interrupted\n"
+    store.verify()
+    assert names(tmp_path) == ["rings.bfrt"]
+
+
+def test_no_bar_without_a_terminal(nff):
+    done = run("render", nff, "-o", nff.parent / "x.png", "--memory", "128MiB")
+    assert (done.stdout, done.stderr) == ("", "")

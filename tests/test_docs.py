@@ -1,0 +1,96 @@
+"""The pages name what the code has: constants, counters, names and options."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+import pytest
+
+import bfrt
+from bfrt import budget, records
+from bfrt.cli import parser
+from bfrt.stats import Stats
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+
+
+def page(name):
+    return (DOCS / f"{name}.rst").read_text()
+
+
+CONSTANTS = re.findall(r"\* - ``([A-Z_]+)``\n\s+- ([\d.]+)\n", page("memory"))
+
+
+@pytest.mark.parametrize(("name", "value"), CONSTANTS)
+def test_a_constant_is_what_the_page_says(name, value):
+    assert getattr(budget, name, None) == float(value) or getattr(records, name) == float(value)
+
+
+def test_every_size_of_a_record_is_on_the_page():
+    # Those of a store's files are on its own page.
+    sizes = {name for name in vars(records) if name.endswith("_BYTES")}
+    assert sizes - {"BOX_BYTES", "OFFSET_BYTES"} <= dict(CONSTANTS).keys()
+
+
+def keys(counts):
+    """All keys of the counters, nested ones too."""
+    for key, value in counts.items():
+        yield key
+        if isinstance(value, dict):
+            yield from keys(value)
+
+
+def test_every_counter_is_on_the_page():
+    counted = Stats(objects=0, scene_bytes=0, settings={}).as_dict()
+    text = page("counters")
+    assert [key for key in keys(counted) if f"``{key}``" not in text] == []
+
+
+def test_every_public_name_is_on_the_page():
+    text = page("api")
+    names = [f"bfrt.{name}" for name in bfrt.__all__ if name != "spd"]
+    names += [f"bfrt.spd.{name}" for name in bfrt.spd.__all__]
+    documented = re.findall(r"^\.\. auto\w+:: ([\w.]+)$", text, re.MULTILINE)
+    assert sorted(set(names) - set(documented)) == []
+
+
+def commands():
+    (action,) = (a for a in parser()._actions if isinstance(a, argparse._SubParsersAction))
+    return action.choices
+
+
+@pytest.mark.parametrize("name", commands())
+def test_every_option_is_on_the_page(name):
+    text = page("quickstart")
+    assert f"``bfrt {name} " in text
+    long = [
+        option
+        for action in commands()[name]._actions
+        for option in action.option_strings
+        if option.startswith("--") and option not in ("--help", "--output")
+    ]
+    assert "--quiet" in long
+    assert [option for option in long if not re.search(rf"{option}\b", text)] == []
+
+
+@pytest.mark.parametrize("file", sorted(DOCS.glob("*.rst")), ids=lambda file: file.stem)
+def test_a_file_that_a_page_names_is_there(file):
+    named = re.findall(r"``(bfrt/[\w./]+|docs/[\w./]+|setup\.py)``", file.read_text())
+    root = DOCS.parent
+    assert [name for name in named if name != "docs/_build" and not (root / name).exists()] == []
+
+
+FUNCTIONS = re.findall(r"``(\w+\.(?:pyx|pxd|py))``: ``([\w.]+)``", page("algorithm"))
+
+
+def test_the_page_names_functions():
+    assert len(FUNCTIONS) > 15
+
+
+@pytest.mark.parametrize(("file", "name"), FUNCTIONS)
+def test_a_function_is_in_the_file_that_the_page_names(file, name):
+    texts = [path.read_text() for path in (DOCS.parent / "bfrt").rglob(file)]
+    last = name.split(".")[-1]
+    assert any(re.search(rf"(def|class|inline [\w ]+) {last}\b", text) for text in texts)
