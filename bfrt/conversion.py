@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bfrt.errors import SceneError, SettingError
+from bfrt.records import Kind
 from bfrt.scene.model import Camera
 from bfrt.scene.nff import read_nff
 from bfrt.scene.store import HEADER, Store, open_store
@@ -15,6 +21,9 @@ from bfrt.scene.writer import SceneWriter
 from bfrt.spd import scene as spd_scene
 
 SUFFIXES = (".nff",)
+
+#: Blocks that wait to be written while the next is read.
+PENDING = 4
 
 #: Called with the bytes of input that are done.
 Report = Callable[[int], None]
@@ -73,10 +82,54 @@ def convert(
     return open_store(target)
 
 
+class Behind:
+    """A scene writer one step behind the reader: blocks are written while the next are read.
+
+    Blocks are copied, for the reader uses its own again; at most `PENDING` wait.
+    """
+
+    def __init__(self, writer: SceneWriter) -> None:
+        self._writer = writer
+        self._thread = ThreadPoolExecutor(1, "bfrt-writer")
+        self._pending: deque[Future[None]] = deque()
+        self.camera = writer.camera
+        self.light = writer.light
+        self.background = writer.background
+        self.material = writer.material
+
+    def append(self, kind: Kind, records: NDArray[Any], materials: NDArray[np.uint32]) -> None:
+        self._hand_over(self._writer.append, kind, records.copy(), materials.copy())
+
+    def append_polygons(
+        self, vertices: NDArray[Any], counts: NDArray[Any], materials: NDArray[np.uint32]
+    ) -> None:
+        copies = vertices.copy(), counts.copy(), materials.copy()
+        self._hand_over(self._writer.append_polygons, *copies)
+
+    def _hand_over(self, write: Callable[..., None], *block: Any) -> None:
+        self._pending.append(self._thread.submit(write, *block))
+        self._wait(PENDING)
+
+    def _wait(self, most: int) -> None:
+        while len(self._pending) > most:
+            self._pending.popleft().result()
+
+    def __enter__(self) -> Behind:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            if kind is None:
+                self._wait(0)
+        finally:
+            self._thread.shutdown(cancel_futures=True)
+
+
 def read_scene(name: str, writer: SceneWriter, progress: Report | None) -> None:
     """Read NFF into a writer, whose own complaints get the file's name too."""
     try:
-        read_nff(name, writer, progress=progress)
+        with Behind(writer) as sink:
+            read_nff(name, sink, progress=progress)
     except SceneError as error:
         if str(error).startswith((name, "<stdin>")):
             raise

@@ -74,6 +74,7 @@ class Tracer:
         (group,) = store.groups
         self.objects = Objects(store, group, workers, capacities.read_buffer)
         self._film = film
+        self._swept = sum(stream.count for stream in group.streams)
         self._background = np.array(store.background, np.float64)
         shape = resolution(group.grid_bounds, group.gridded, capacities.voxels)
         lattice = lattice_of(store, group, shape)
@@ -106,7 +107,7 @@ class Tracer:
             with phases.traversal.timed():
                 done += flight.admit(queue, film, background, hits, counters)
                 if flight.active:
-                    flight.collect(self._voxel_rays, counters)
+                    flight.collect(self._voxel_rays, self._swept, counters)
             if flight.active:
                 with phases.intersection.timed():
                     intersect_all(self.objects, flight, self._voxel_rays, self._locks, counters)

@@ -15,6 +15,8 @@ import pytest
 import bfrt
 from bfrt.cli import main
 
+AWAY = tempfile.gettempdir()
+
 NFF = """b 0.1 0.2 0.3
 v
 from 0 -5 0
@@ -42,7 +44,7 @@ def nff(tmp_path):
     return path
 
 
-def run(*arguments, cwd=tempfile.gettempdir(), **options):
+def run(*arguments, cwd=AWAY, **options):
     """The command as a process, away from the source tree, which has no compiled modules."""
     return subprocess.run(
         [sys.executable, "-m", "bfrt", *map(str, arguments)],

@@ -253,7 +253,7 @@ def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray
                 s.count = sweep.count
                 s.id = first
                 first += 1
-                if rays_near(s.box, s.grid, voxel_rays):
+                if not box_empty(s.box):
                     s.loaded = False
                     box_range(s.grid, s.box, &s.range)
                     meet_rays(&s, voxel_rays)

@@ -25,6 +25,9 @@ from bfrt.workers import Workers
 #: Candidates of a ray in the pass it enters with (measured: 1 to 4 are equally good).
 FIRST_QUOTA = 2
 
+#: Objects swept in about the time that one candidate's tests take.
+SWEPT_EACH = 32
+
 #: Rays that enter memory at once, and the fewest worth handing to a thread.
 ADMITTED = 65536
 FEWEST = 512
@@ -113,14 +116,16 @@ class Flight:
             self.bad += bad
         return finished
 
-    def collect(self, voxel_rays: VoxelRays, counters: Counters) -> None:
+    def collect(self, voxel_rays: VoxelRays, objects: int, counters: Counters) -> None:
         """Store every active ray in its next candidate voxels.
 
         Few in a ray's first pass, for most rays end soon, and twice as many in each that follows;
-        never more than memory holds. So passes grow like a logarithm.
+        no fewer than a sweep over so many objects is worth, never more than memory holds. So
+        passes grow like a logarithm.
         """
         slots = voxel_rays.slots
-        quota = max(1, min(self._quota, len(slots) // self.active))
+        worth = max(self._quota, objects // (SWEPT_EACH * self.active))
+        quota = max(1, min(worth, len(slots) // self.active))
         self._quota *= 2
         segments: list[tuple[int, int, int]] = []
 
