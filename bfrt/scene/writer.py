@@ -237,7 +237,7 @@ class SceneWriter:
         self._aside = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         try:
             shutil.rmtree(self._aside, ignore_errors=True)
-            self._aside.mkdir(parents=True)
+            (self._aside / "0").mkdir(parents=True)  # the group, which may stay without objects
         except OSError as error:
             raise refused(self._aside, 0, error, "creating") from error
         self._palette = FileWriter(self._aside / PALETTE)
