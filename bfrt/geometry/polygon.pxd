@@ -77,7 +77,9 @@ cdef inline bint polygon_contains(const Polygon* s, Vec p) noexcept nogil:
     """Crossing number of the outline around p, seen along the dropped axis.
 
     An edge counts where exactly one end is above p, so that a vertex counts once, and neighbours
-    that share an edge never both claim a point, nor both leave it.
+    that share an edge never both claim a point on it, nor both leave it: the edge decides, not the
+    way it is walked. (Of a ray that aims at the edge each finds a p of its own, though, rounding
+    included: only triangles are watertight.)
     """
     cdef bint inside = False
     cdef Vec a = permuted(sub(vertex(s, s.count - 1), p), s.drop)
@@ -88,7 +90,7 @@ cdef inline bint polygon_contains(const Polygon* s, Vec p) noexcept nogil:
         b = permuted(sub(vertex(s, i), p), s.drop)
         if (a.y > 0.0) != (b.y > 0.0):
             side = a.x * b.y - a.y * b.x
-            if (side > 0.0) == (b.y > a.y):
+            if side > 0.0 if b.y > a.y else side < 0.0:
                 inside = not inside
         a = b
     return inside

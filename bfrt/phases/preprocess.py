@@ -47,14 +47,14 @@ def resolution(bounds: Bounds, objects: int, most: int) -> tuple[int, int, int]:
     sides = bounds.grid_sides()
     if not sides.all():  # one point: any side will do
         return (1, 1, 1)
-    voxels = max(1, min(VOXELS_EACH * objects, most))
+    voxels = float(max(1, min(VOXELS_EACH * objects, most)))
     while True:
         side = float(np.prod(sides / sides.max())) ** (1 / 3) * float(sides.max())
         side /= voxels ** (1 / 3)
         shape = np.maximum(1, np.rint(sides / side)).astype(np.int64)
         if int(np.prod(shape)) <= max(1, most):
             return (int(shape[0]), int(shape[1]), int(shape[2]))
-        voxels = voxels * 9 // 10
+        voxels *= 0.9
 
 
 def lattice_of(store: Store, group: Group, shape: tuple[int, int, int]) -> Lattice:

@@ -1,0 +1,23 @@
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.scene.sweep import Sweep
+
+def bring_near(
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    bounds: NDArray[np.float64],
+    diagonal: float,
+    moved: NDArray[np.float64],
+) -> None: ...
+def lines(
+    origins: NDArray[np.float64], directions: NDArray[np.float64], out: NDArray[np.float64]
+) -> None: ...
+def meet(
+    sweep: Sweep,
+    n: int,
+    grow: float,
+    rays: NDArray[np.float64],
+    t: NDArray[np.float64],
+    ids: NDArray[np.uint64],
+) -> None: ...

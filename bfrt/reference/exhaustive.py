@@ -1,0 +1,151 @@
+"""The slow twin: every ray against every object of a store, by the core's own kernels.
+
+::
+
+    fast path    grid, marks, candidates, passes, culling ─┐
+                                                           ├─ the same (t, id), bit for bit
+    this one     for each object: for each ray ────────────┘
+
+It shares with the fast path what decides a hit (the kernels, and exactness rule 1: a hit counts
+within the slab interval of the object's box grown by d) and nothing of what skips work: no grid, no
+marks, no boxes from disk, no culling by the nearest hit so far. `bfrt.reference.independent` in its
+turn shares no formula with the kernels.
+
+Rays are taken by chunks, for each of which the objects stream past once: memory is bounded, but
+for the caller's own arrays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bfrt.errors import SettingError
+from bfrt.phases.preprocess import growth
+from bfrt.records import NO_HIT
+from bfrt.reference._exhaustive import bring_near, lines, meet
+from bfrt.scene.store import Store
+from bfrt.scene.sweep import Sweep
+from bfrt.workers import Workers
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.uint64]
+
+CHUNK = 4096  # rays that a worker sweeps the objects for
+READ_BUFFER = 1 << 18
+LINE_DOUBLES = 9
+
+
+def nearest(
+    store: Store,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    t_max: ArrayLike = np.inf,
+    *,
+    threads: int = 1,
+) -> tuple[Array, Ids]:
+    """The nearest hit of each ray: the lexicographic minimum of (t, id) over all objects.
+
+    Parameters
+    ----------
+    store : Store
+    origins, directions : (n, 3)
+        The rays, relative to the store's origin; directions of any length but zero.
+    t_max : float or (n,)
+        Hits are nearer than this.
+    threads : int
+        It changes no bit of the answer.
+
+    Returns
+    -------
+    t : (n,) float64
+        In lengths of the direction; inf for a miss.
+    id : (n,) uint64
+        ``stream << 48 | index``; NO_HIT for a miss. A ray with a NaN, or of zero length, misses.
+
+    Raises
+    ------
+    SettingError
+        If origins and directions are not of one shape (n, 3).
+    """
+    start, way = _rays(origins, directions)
+    t = np.full(len(start), np.inf)
+    ids = np.full(len(start), NO_HIT, np.uint64)
+    grow = growth(store)
+    none = np.empty(0, np.int64)
+    sweeps = [
+        [Sweep(stream, store.origin, none, READ_BUFFER) for stream in store.streams]
+        for _ in range(threads)
+    ]
+
+    def chunk(worker: int, first: int, last: int) -> None:
+        part = slice(first, last)
+        near, moved = advanced(store, start[part], way[part])
+        rays = np.empty((last - first, LINE_DOUBLES))
+        lines(near, way[part], rays)
+        for stream, sweep in zip(store.streams, sweeps[worker], strict=True):
+            sweep.rewind()
+            sweep.window(0, stream.count)
+            meet(sweep, stream.count, grow, rays, t[part], ids[part])
+        t[part] += moved  # only now: rounded, two hits might tie
+
+    workers = Workers(threads)
+    try:
+        workers.run(chunk, len(start), largest=CHUNK)
+    finally:
+        workers.close()
+    beyond = ~(t < np.asarray(t_max, np.float64))
+    t[beyond] = np.inf
+    ids[beyond] = NO_HIT
+    return t, ids
+
+
+def occluded(
+    store: Store,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    t_max: ArrayLike = np.inf,
+    *,
+    threads: int = 1,
+) -> NDArray[np.bool_]:
+    """Whether anything is hit before `t_max`, for each ray, (n,); all as for `nearest`."""
+    dark: NDArray[np.bool_] = np.isfinite(
+        nearest(store, origins, directions, t_max, threads=threads)[0]
+    )
+    return dark
+
+
+def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    """Rays that start far away, brought nearer to the scene (exactness rule 6).
+
+    Parameters
+    ----------
+    origins, directions : (n, 3)
+        Relative to the store's origin.
+
+    Returns
+    -------
+    origins : (n, 3)
+        Those that were near enough are as they were. NaN for a ray that is none.
+    moved : (n,)
+        The t that belongs to each origin; to be added to that of a hit.
+    """
+    start, way = _rays(origins, directions)
+    near = start.copy()
+    moved = np.empty(len(start))
+    if store.bounds.empty:
+        return near, np.zeros(len(start))
+    bounds = np.stack([store.bounds.lo, store.bounds.hi])
+    bring_near(near, way, bounds, store.bounds.diagonal, moved)
+    return near, moved
+
+
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    start = np.ascontiguousarray(origins, np.float64)
+    way = np.ascontiguousarray(directions, np.float64)
+    if start.ndim != 2 or start.shape[1] != 3 or way.shape != start.shape:
+        raise SettingError(
+            f"rays: found origins {start.shape} and directions {way.shape}, "
+            "expected (n, 3) for both"
+        )
+    return start, way

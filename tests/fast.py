@@ -1,0 +1,235 @@
+"""The fast path as tests drive it: any rays, any capacities; and stores made of test scenes.
+
+::
+
+    rays ─► queue of records.QUEUED, pixel = the ray's index ─► bfrt.scheduler.Tracer
+              kind REFLECTION: hits spool ─► t, id by pixel         (nearest)
+              kind SHADOW:     film, 1 where light came ─► bool     (occluded)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bfrt.budget import Capacities
+from bfrt.image.film import Film
+from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
+from bfrt.reference.exhaustive import advanced
+from bfrt.reference.independent import Objects
+from bfrt.scene.store import Group, Store, open_store
+from bfrt.scene.writer import SceneWriter
+from bfrt.scheduler import Tracer
+from bfrt.stats import Counters
+from bfrt.streams.spool import Spool
+from bfrt.workers import Workers
+
+Array = NDArray[np.float64]
+
+PAGE = 4096
+
+#: Where shadow rays end: they count what is hit at t < this, in lengths of their direction.
+SHADOW_END = float(np.nextafter(1.0 - 2.0**-30, 2.0))
+
+#: Room for everything at once.
+ROOMY = Capacities(
+    memory=0,
+    voxels=1 << 12,
+    rays=1 << 14,
+    candidates=1 << 18,
+    hits=1 << 14,
+    queue=1 << 14,
+    read_buffer=1 << 16,
+    threads=1,
+)
+
+#: What may be tight, all that a budget divides; none of it may change a hit.
+VARIATIONS = {
+    "roomy": ROOMY,
+    "one voxel": replace(ROOMY, voxels=1),
+    "a few voxels": replace(ROOMY, voxels=27, candidates=ROOMY.rays),
+    "64^3 voxels": replace(ROOMY, voxels=64**3, threads=2),
+    "one candidate a ray": replace(ROOMY, candidates=ROOMY.rays, read_buffer=PAGE),
+    "some rays at a time": replace(ROOMY, rays=61, candidates=150, hits=7, queue=11, threads=2),
+    "three threads": replace(ROOMY, threads=3, read_buffer=PAGE, voxels=1 << 15),
+}
+
+#: One ray at a time, the slowest there is: for few rays.
+LONELY = replace(ROOMY, rays=1, candidates=1, hits=1, queue=1, read_buffer=PAGE)
+
+
+class CrowdedGroup(Group):
+    """A group that asks for as many voxels as there may be, however few its objects are."""
+
+    @property
+    def gridded(self) -> int:
+        return 1 << 30
+
+
+def gridded(store: Store) -> Store:
+    """The store with its outliers in the grid: of a small scene almost every object is one."""
+    return replace(
+        store,
+        checksum=store.checksum ^ 1,  # other marks
+        groups=[replace(g, outliers=[], grid_bounds=store.bounds) for g in store.groups],
+    )
+
+
+class Found(NamedTuple):
+    """What `nearest` answers; `counters` are those of the trace."""
+
+    t: Array
+    ids: NDArray[np.uint64]
+    counters: Counters
+
+
+def nearest(
+    store: Store,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    scratch: Path,
+    capacities: Capacities = ROOMY,
+) -> Found:
+    """Nearest hits by the fast path.
+
+    Parameters
+    ----------
+    origins, directions : (n, 3)
+        Relative to the store's origin. Far origins are advanced, as eye rays are, t added back.
+    """
+    origins, moved = advanced(store, origins, directions)
+    rays = queued(origins, directions, RayKind.REFLECTION)
+    t = np.full(len(rays), np.inf)
+    ids = np.full(len(rays), NO_HIT, np.uint64)
+    with _traced(store, rays, scratch, capacities) as (hits, film, counters):
+        seen = np.zeros(len(rays), np.int64)
+        while len(hits):
+            some = hits.read(len(hits))
+            pixels = some["pixel"]
+            t[pixels] = some["t"] + moved[pixels]
+            ids[pixels] = some["id"]
+            np.add.at(seen, pixels, 1)
+            for name in QUEUED.names or ():  # a hit must carry its own ray
+                np.testing.assert_array_equal(some[name], rays[name][pixels])
+        missed = _light(film) if len(rays) else np.zeros(0)
+    np.testing.assert_array_equal(seen + missed, np.ones(len(rays)))  # each ray ends once
+    return Found(t, ids, counters)
+
+
+def occluded(
+    store: Store,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    scratch: Path,
+    capacities: Capacities = ROOMY,
+) -> NDArray[np.bool_]:
+    """Whether shadow rays are stopped before `SHADOW_END`."""
+    rays = queued(origins, directions, RayKind.SHADOW)
+    if not len(rays):
+        return np.zeros(0, np.bool_)
+    with _traced(store, rays, scratch, capacities) as (hits, film, _):
+        light = _light(film)
+        assert len(hits) == 0, "a shadow ray was sent on to be shaded"
+    assert set(np.unique(light)) <= {0.0, 1.0}
+    return light == 0.0
+
+
+def queued(origins: ArrayLike, directions: ArrayLike, kind: RayKind) -> NDArray[Any]:
+    """Rays as records.QUEUED; the pixel is the index, the weight one."""
+    origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
+    rays = np.zeros(len(origins), QUEUED)
+    for k, axis in enumerate("xyz"):
+        rays["o" + axis] = origins[:, k]
+        rays["d" + axis] = directions[:, k]
+    rays["pixel"] = np.arange(len(rays))
+    rays["red"] = 1.0
+    rays["kind"] = kind
+    return rays
+
+
+def _light(film: Film) -> Array:
+    return film.rows(0, 1)["R"][0].astype(np.float64)
+
+
+@contextmanager
+def _traced(
+    store: Store, rays: NDArray[Any], scratch: Path, capacities: Capacities
+) -> Iterator[tuple[Spool, Film, Counters]]:
+    crowded = replace(
+        store,
+        background=(1.0, 0.0, 0.0),
+        groups=[CrowdedGroup(g.number, g.streams, g.grid_bounds, g.outliers) for g in store.groups],
+    )
+    film = Film(max(1, len(rays)), 1, 1)
+    counters = Counters()
+    workers = Workers(capacities.threads)
+    hits = Spool(HIT, capacities.hits, scratch)
+    queue = Spool(QUEUED, capacities.queue, scratch)
+    told: list[int] = []
+    try:
+        tracer = Tracer(
+            crowded,
+            film,
+            workers,
+            capacities,
+            fresh_marks=False,
+            scratch=scratch,
+            counters=counters,
+        )
+        queue.append(rays)
+        tracer.trace(queue, hits, counters, told.append)
+        assert told == sorted(told)
+        assert told[-1] == len(rays)
+        yield hits, film, counters
+    finally:
+        workers.close()
+        hits.close()
+        queue.close()
+
+
+# --- stores of test scenes ---------------------------------------------------------------------
+
+
+def stored(objects: Objects, dtype: type = np.float64) -> Objects:
+    """The objects as a store numbers and rounds them: polygons of three vertices are triangles."""
+
+    def rounded(table: Array) -> Array:
+        return table.astype(dtype).astype(np.float64)
+
+    three = objects.counts == 3
+    inside = np.repeat(three, objects.counts)
+    return Objects(
+        spheres=rounded(objects.spheres),
+        cones=rounded(objects.cones),
+        triangles=rounded(
+            np.concatenate([objects.triangles, objects.vertices[inside].reshape(-1, 9)])
+        ),
+        patches=rounded(objects.patches),
+        vertices=rounded(objects.vertices[~inside]),
+        counts=objects.counts[~three],
+    )
+
+
+def write(
+    objects: Objects, path: Path, dtype: type = np.float64, origin: ArrayLike | None = None
+) -> Store:
+    """A store of the objects, written as they are or rounded to float32."""
+    tables = {
+        Kind.SPHERE: objects.spheres,
+        Kind.CONE: objects.cones,
+        Kind.TRIANGLE: objects.triangles,
+        Kind.PATCH: objects.patches,
+    }
+    with SceneWriter(path, origin=origin) as writer:
+        for kind, table in tables.items():
+            if len(table):
+                writer.append(kind, table.astype(dtype))
+        if len(objects.counts):
+            writer.append_polygons(objects.vertices.astype(dtype), objects.counts)
+    return open_store(path)

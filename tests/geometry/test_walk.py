@@ -1,0 +1,220 @@
+"""Walks through the grid, and the ranges of boxes in it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scenes import units
+
+from bfrt.geometry.lattice import Lattice
+
+LOW, HIGH, START = 0, 3, 6
+SHAPES = [(1, 1, 1), (7, 5, 3), (1, 40, 2), (16, 16, 16), (64, 64, 64)]
+GROW = 2.0**-30
+
+
+def make_lattice(rng, shape):
+    lo = rng.normal(size=3) * 10
+    return Lattice(lo, lo + 10 ** rng.uniform(-2, 2, 3), shape, GROW)
+
+
+def ends(lattice):
+    return np.array([p[0] for p in lattice.planes]), np.array([p[-1] for p in lattice.planes])
+
+
+def index_of(lattice, voxel):
+    nx, ny, _ = lattice.shape
+    return voxel % nx, voxel // nx % ny, voxel // (nx * ny)
+
+
+def rays_of(rng, lattice, n):
+    """Rays from inside and outside; along axes, in planes, through corners of the lattice."""
+    low, high = ends(lattice)
+    size = high - low
+    inside = rng.uniform(low, high, (n, 3))
+    axis = np.eye(3)[rng.integers(3, size=n)] * rng.choice([-1.0, 1.0], (n, 1))
+    corner, other = (np.column_stack([rng.choice(p, n) for p in lattice.planes]) for _ in range(2))
+    flat = units(rng, n)
+    flat[np.arange(n), rng.integers(3, size=n)] = rng.choice([0.0, -0.0, 1e-310, 1e-30, -1e-17], n)
+    away = np.linalg.norm(size) * units(rng, n) * rng.uniform(0.5, 50, (n, 1))
+    yield inside, units(rng, n)
+    yield inside - away, away
+    yield inside - 3 * axis * size.max(), axis
+    yield inside, axis
+    yield corner, units(rng, n)
+    yield corner, axis
+    yield corner - 2 * axis * size.max(), axis
+    yield corner - 2 * (corner - other), corner - other + (corner == other) * size
+    yield corner - away, away
+    yield inside, flat
+    yield corner - 3 * flat * size.max(), flat
+
+
+def walks(seed, shape, n=12):
+    """(lattice, origin, direction, way) of many rays; those that miss the grid have no way."""
+    rng = np.random.default_rng([seed, *shape])
+    lattice = make_lattice(rng, shape)
+    for origins, directions in rays_of(rng, lattice, n):
+        for origin, direction in zip(origins, directions, strict=True):
+            yield lattice, origin, direction, lattice.walk(origin, direction)
+
+
+def inverse(direction):
+    """What the core multiplies by: 0 where the axis never steps."""
+    with np.errstate(divide="ignore", over="ignore"):
+        inv = 1.0 / direction
+    return np.where(np.isfinite(inv), inv, 0.0)
+
+
+def crossings(lattice, origin, direction, at):
+    """When the ray comes into the layer of `at` on each axis, and when it leaves."""
+    inv = inverse(direction)
+    enter, leave = np.full(3, -np.inf), np.full(3, np.inf)
+    for k in range(3):
+        if inv[k]:
+            pair = [(lattice.planes[k][at[k] + e] - origin[k]) * inv[k] for e in (0, 1)]
+            enter[k], leave[k] = min(pair), max(pair)
+    return enter, leave
+
+
+every_shape = pytest.mark.parametrize("shape", SHAPES, ids=str)
+
+
+@every_shape
+def test_times_ascend_and_voxels_are_adjacent(shape):
+    walked = 0
+    for lattice, _, direction, way in walks(1, shape):
+        walked += bool(way)
+        for (a, _, t), (b, face, u) in pairwise(way):
+            assert t <= u
+            step = np.subtract(index_of(lattice, b), index_of(lattice, a))
+            axis = face % 3
+            assert np.abs(step).sum() == 1
+            assert step[axis] == (1 if face < HIGH else -1)
+            assert step[axis] == np.sign(direction[axis])
+    assert walked > 60
+
+
+@every_shape
+def test_every_crossing_is_computed_from_its_plane(shape):
+    """(plane - o) inv, to the last bit, of the face that the walk names."""
+    for lattice, origin, direction, way in walks(2, shape):
+        for voxel, face, t in way:
+            if face == START:
+                assert t == 0.0
+                continue
+            enter, _ = crossings(lattice, origin, direction, index_of(lattice, voxel))
+            assert t == enter[face % 3]
+
+
+@every_shape
+def test_each_voxel_brackets_its_entry(shape):
+    """The first one too, from wherever the ray comes."""
+    for lattice, origin, direction, way in walks(3, shape):
+        for voxel, _, t in way:
+            enter, leave = crossings(lattice, origin, direction, index_of(lattice, voxel))
+            assert enter.max() <= t <= leave.min()
+
+
+@every_shape
+def test_the_first_face_says_where_the_ray_came_from(shape):
+    for lattice, origin, direction, way in walks(4, shape):
+        if not way:
+            continue
+        voxel, face, t = way[0]
+        low, high = ends(lattice)
+        if ((low < origin) & (origin < high)).all():
+            assert (face, t) == (START, 0.0)
+        if face != START:
+            axis = face % 3
+            border = 0 if direction[axis] > 0 else lattice.shape[axis] - 1
+            assert index_of(lattice, voxel)[axis] == border
+            assert face == (LOW if direction[axis] > 0 else HIGH) + axis
+
+
+@every_shape
+def test_a_walk_ends_at_the_border(shape):
+    for lattice, origin, direction, way in walks(5, shape):
+        if way:
+            at = np.array(index_of(lattice, way[-1][0]))
+            _, leave = crossings(lattice, origin, direction, at)
+            axis = leave.argmin()
+            border = lattice.shape[axis] - 1 if direction[axis] > 0 else 0
+            assert at[axis] == border
+
+
+@every_shape
+def test_a_resumed_walk_is_the_rest_of_the_walk(shape):
+    """Bit for bit, from a voxel and a face and nothing else."""
+    rng = np.random.default_rng(6)
+    for lattice, origin, direction, way in walks(6, shape):
+        for k in {0, len(way) - 1, int(rng.integers(max(1, len(way))))} if way else ():
+            voxel, face, _ = way[k]
+            assert lattice.walk(origin, direction, voxel, face) == way[k:]
+
+
+@every_shape
+def test_no_voxel_is_passed_over(shape):
+    """Points along the ray, well inside of their voxels, are in voxels of the walk."""
+    for lattice, origin, direction, way in walks(7, shape):
+        if not way:
+            continue
+        _, leave = crossings(lattice, origin, direction, index_of(lattice, way[-1][0]))
+        visited = {voxel for voxel, _, _ in way}
+        for t in np.linspace(way[0][2], leave.min(), 50):
+            at = []
+            for k, planes in enumerate(lattice.planes):
+                x = origin[k] + t * direction[k]
+                i = int(np.searchsorted(planes, x)) - 1
+                margin = 1e-9 * (abs(origin[k]) + abs(x))
+                if 0 <= i < lattice.shape[k] and planes[i] + margin < x < planes[i + 1] - margin:
+                    at.append(i)
+            if len(at) == 3:
+                nx, ny, _ = lattice.shape
+                assert at[0] + nx * (at[1] + ny * at[2]) in visited
+
+
+@every_shape
+def test_a_walk_of_a_ray_that_misses_is_empty(shape):
+    lattice = make_lattice(np.random.default_rng(8), shape)
+    low, high = ends(lattice)
+    assert lattice.walk(high + 1.0, [1.0, 1.0, 1.0]) == []
+    assert lattice.walk(low - 1.0, [1.0, 0.0, 0.0]) == []
+    assert lattice.walk([low[0] - 1.0, high[1] * 0.5 + low[1] * 0.5, np.nextafter(high[2], np.inf)],
+                        [1.0, 0.0, 0.0]) == []  # fmt: skip
+    assert lattice.walk([low[0] - 1.0, low[1], high[2]], [1.0, 0.0, 0.0]) != []
+
+
+@every_shape
+def test_a_range_holds_the_grown_box(shape):
+    """Of boxes anywhere, on the planes too; and not a voxel more on a side than rounding needs."""
+    rng = np.random.default_rng([9, *shape])
+    lo = np.float32(rng.normal(size=3) * 10).astype(float)
+    lattice = Lattice(lo, lo + 16, shape, GROW)
+    low, high = ends(lattice)
+    for _ in range(300):
+        a, b = rng.uniform(low, high, (2, 3))
+        snapped = [rng.choice(p) for p in lattice.planes]
+        a = np.where(rng.random(3) < 0.3, snapped, a)
+        b = np.where(rng.random(3) < 0.3, a, b)
+        box = np.float32([np.minimum(a, b), np.maximum(a, b)])
+        first, last = lattice.range_of(box.reshape(-1))
+        for k, planes in enumerate(lattice.planes):
+            from_, to = float(box[0, k]) - 2 * GROW, float(box[1, k]) + 2 * GROW
+            assert 0 <= first[k] <= last[k] < shape[k]
+            assert first[k] == 0 or planes[first[k]] <= from_
+            assert last[k] == shape[k] - 1 or planes[last[k] + 1] > to
+            assert planes[first[k] + 1] > from_ or first[k] == shape[k] - 1
+            assert planes[last[k]] <= to or last[k] == 0
+
+
+def test_planes_are_ascending_and_reach_beyond_the_boxes():
+    lattice = Lattice([0.0, -5.0, 1e6], [1.0, 5.0, 1e6 + 1], (10, 20, 30), 1e-8)
+    for planes, lo, hi in zip(lattice.planes, (0, -5, 1e6), (1, 5, 1e6 + 1), strict=True):
+        assert (np.diff(planes) > 0).all()
+        assert planes[0] <= lo - 2e-8
+        assert planes[-1] >= hi + 2e-8
+        assert not planes.flags.writeable
+    assert lattice.voxels == 6000

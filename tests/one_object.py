@@ -1,0 +1,66 @@
+"""One object against rays, by the compiled kernels alone: no store, no grid."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scenes import units
+
+from bfrt.records import Kind
+from bfrt.reference import _kernels
+
+Array = NDArray[np.float64]
+
+
+class Met(NamedTuple):
+    """What rays met: an object's box, and for each ray t, the point, normals and uv."""
+
+    box: NDArray[np.float32]
+    t: Array
+    points: Array
+    geometric: Array
+    shading: Array
+    uv: Array
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.t)
+
+
+def meet(
+    kind: Kind,
+    record: ArrayLike,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    grow: float = np.inf,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+) -> Met:
+    """Meet the object; a box that grows by inf excludes nothing, so the kernel is on its own."""
+    start = np.ascontiguousarray(origins, np.float64)
+    way = np.ascontiguousarray(directions, np.float64)
+    numbers = np.array(record, np.float64).reshape(-1)
+    box, t, surface = _kernels.meet(kind, numbers, list(np.array(origin)), grow, start, way)
+    with np.errstate(invalid="ignore"):
+        points = start + t[:, None] * way
+    return Met(box, t, points, surface[:, :3], surface[:, 3:6], surface[:, 6:])
+
+
+def rays_through(rng: np.random.Generator, box: ArrayLike, n: int) -> tuple[Array, Array]:
+    """Rays from around a box (6,) through points in it; every second starts inside."""
+    low, high = np.array(box, np.float64).reshape(2, 3)
+    size = max(float((high - low).max()), 1e-30)
+    target = rng.uniform(low, high, (n, 3))
+    distance = size * rng.uniform(0.0, 5.0, (n, 1)) * (rng.random((n, 1)) < 0.5)
+    direction = units(rng, n)
+    origin = rng.uniform(low, high, (n, 3))
+    origin = np.where(distance > 0, target - (distance + size) * direction, origin)
+    return origin, direction
+
+
+def outside(box: ArrayLike, points: Array) -> Array:
+    """How far each point is outside of a box, at most along any axis; 0 for inside."""
+    low, high = np.array(box, np.float64).reshape(2, 3)
+    far: Array = np.maximum(np.maximum(low - points, points - high), 0.0).max(axis=1)
+    return far
