@@ -29,6 +29,10 @@ cdef packed struct Box:
     float lo[3]
     float hi[3]
 
+cdef struct Grown:
+    double lo[3]
+    double hi[3]
+
 cdef struct Span:
     double near
     double far
@@ -95,12 +99,27 @@ cdef inline bint slab_axis(double lo, double hi, double o, double inv, Span* s) 
     return s.near <= s.far
 
 
-cdef inline bint box_span(const Box* b, double grow, const Line* r, Span* s) noexcept nogil:
-    """Where the line, from t = 0 on, is inside the box grown by `grow`; false for nowhere."""
+cdef inline void box_grow(const Box* b, double grow, Grown* g) noexcept nogil:
+    """The box as rays meet it."""
+    cdef int k
+    for k in range(3):
+        g.lo[k] = b.lo[k] - grow
+        g.hi[k] = b.hi[k] + grow
+
+
+cdef inline bint grown_span(const Grown* g, const Line* r, Span* s) noexcept nogil:
+    """Where the line, from t = 0 on, is inside the grown box; false for nowhere."""
     s.near = 0.0
     s.far = INFINITY
     return (
-        slab_axis(b.lo[0] - grow, b.hi[0] + grow, r.o.x, r.inv.x, s)
-        and slab_axis(b.lo[1] - grow, b.hi[1] + grow, r.o.y, r.inv.y, s)
-        and slab_axis(b.lo[2] - grow, b.hi[2] + grow, r.o.z, r.inv.z, s)
+        slab_axis(g.lo[0], g.hi[0], r.o.x, r.inv.x, s)
+        and slab_axis(g.lo[1], g.hi[1], r.o.y, r.inv.y, s)
+        and slab_axis(g.lo[2], g.hi[2], r.o.z, r.inv.z, s)
     )
+
+
+cdef inline bint box_span(const Box* b, double grow, const Line* r, Span* s) noexcept nogil:
+    """The same for a box that is met once."""
+    cdef Grown g
+    box_grow(b, grow, &g)
+    return grown_span(&g, r, s)

@@ -183,6 +183,19 @@ cdef inline void walk_resume(Walk* w, const Grid* g, const Line* l, uint32_t vox
         w.enter = axis_enter(w, face % 3)
 
 
+cdef inline double voxel_enter(const Grid* g, const Line* l, uint32_t voxel,
+                               int face) noexcept nogil:
+    """Where a walk with this state came into its voxel: what walk_resume says, and no more."""
+    if face == START:
+        return 0.0
+    if face % 3 == 0:
+        return (g.plane[0][voxel % g.n[0] + (face >= HIGH)] - l.o.x) * l.inv.x
+    voxel //= g.n[0]
+    if face % 3 == 1:
+        return (g.plane[1][voxel % g.n[1] + (face >= HIGH)] - l.o.y) * l.inv.y
+    return (g.plane[2][voxel // g.n[1] + (face >= HIGH)] - l.o.z) * l.inv.z
+
+
 cdef inline bint walk_step(Walk* w) noexcept nogil:
     """On to the next voxel; false when the ray leaves the grid."""
     cdef int k = 0

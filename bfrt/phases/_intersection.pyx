@@ -2,7 +2,7 @@
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
-from bfrt.geometry.box cimport Box, Span, box_empty, box_span, box_union
+from bfrt.geometry.box cimport Box, Grown, Span, box_empty, box_grow, box_union, grown_span
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.grid cimport Grid, Range, box_range, entered_by, roughly
 from bfrt.geometry.lattice cimport Lattice
@@ -37,7 +37,7 @@ cdef struct Search:
     int kind
     const unsigned char* record
     uint32_t count
-    const Box* box
+    Grown box
     uint64_t id
     Range range
     Shape shape
@@ -82,7 +82,7 @@ cdef inline void meet_box(Search* s, uint32_t ray) noexcept nogil:
     s.box_tests += 1
     l = ray_line(r)
     # What is nearer is culled by >, never by >=: a tie goes to the smaller id.
-    if not box_span(s.box, s.grid.grow, &l, &span) or span.near > t:
+    if not grown_span(&s.box, &l, &span) or span.near > t:
         return
     m = &s.meetings[s.pending]
     m.line = l
@@ -248,13 +248,13 @@ def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray
                 first += block
                 continue
             for i in range(block):
-                s.box = &sweep.box[i]
                 s.record = sweep.record + i * sweep.stride
                 s.count = sweep.count
                 s.id = first
                 first += 1
-                if not box_empty(s.box):
+                if not box_empty(&sweep.box[i]):
                     s.loaded = False
-                    box_range(s.grid, s.box, &s.range)
+                    box_grow(&sweep.box[i], s.grid.grow, &s.box)
+                    box_range(s.grid, &sweep.box[i], &s.range)
                     meet_rays(&s, voxel_rays)
     return s.box_tests, s.object_tests

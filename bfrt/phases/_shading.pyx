@@ -15,7 +15,7 @@ from bfrt.image.film cimport Film, film_add
 from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
-from bfrt.scene.sweep cimport Sweep, advance, advance_material
+from bfrt.scene.sweep cimport BLOCK, Sweep, advance_materials, advance_records
 
 cdef struct Bent:
     bint total   # total internal reflection: there is no refracted ray
@@ -105,32 +105,45 @@ cdef class Shader:
         last : bool
             The maximum depth is reached: shadow rays only.
         """
-        cdef int64_t i, at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
-        cdef uint64_t id = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
+        cdef int64_t at = 0, left = n
+        cdef uint64_t first = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
+        cdef uint32_t materials[BLOCK]
+        cdef int block
+        with nogil:
+            while left > 0:
+                block = advance_records(sweep, left)
+                advance_materials(sweep, block, &materials[0])
+                left -= block
+                while at < hits.shape[0] and hits[at].id < first + <uint64_t>block:
+                    at += self.shade_object(
+                        sweep, <int>(hits[at].id - first), &materials[0], &hits[at],
+                        hits.shape[0] - at, last,
+                    )
+                first += block
+
+    cdef int64_t shade_object(self, Sweep sweep, int i, const uint32_t* materials,
+                              const Hit* hits, int64_t n, bint last) except -1 nogil:
+        """Shade the hits at the head of `hits` that are of object i of a block; returns how many."""
+        cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
         cdef Shape shape
         cdef Box box
-        with nogil:
-            for i in range(n):
-                advance(sweep)
-                advance_material(sweep)
-                if at == hits.shape[0] or hits[at].id != id + <uint64_t>i:
-                    continue
-                if sweep.material >= self.palette.shape[0]:
-                    with gil:
-                        raise StoreError(
-                            f"{sweep.tapes[0].path}: object {sweep.index - 1}: found material "
-                            f"{sweep.material}, expected one of {len(self.palette)}"
-                        )
-                shape_load(sweep.kind, sweep.record, sweep.count, &sweep.frame, &shape)
-                shape_bounds(&shape, &box)
-                while at < hits.shape[0] and hits[at].id == id + <uint64_t>i:
-                    if self.waiting > room:
-                        with gil:
-                            self.flush()
-                    self.shade_hit(
-                        &hits[at], &shape, &box, &self.palette[sweep.material], last
-                    )
-                    at += 1
+        if materials[i] >= self.palette.shape[0]:
+            with gil:
+                raise StoreError(
+                    f"{sweep.tapes[0].path}: found material {materials[i]}, "
+                    f"expected one of {len(self.palette)}"
+                )
+        shape_load(
+            sweep.kind, sweep.record + i * sweep.stride, sweep.count, &sweep.frame, &shape
+        )
+        shape_bounds(&shape, &box)
+        while at < n and hits[at].id == hits[0].id:
+            if self.waiting > room:
+                with gil:
+                    self.flush()
+            self.shade_hit(&hits[at], &shape, &box, &self.palette[materials[i]], last)
+            at += 1
+        return at
 
     def flush(self):
         """Hand over the rays that wait."""

@@ -3,7 +3,9 @@
 from libc.math cimport INFINITY
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
-from bfrt.geometry.grid cimport NOWHERE, START, Walk, walk_resume, walk_start, walk_step
+from bfrt.geometry.grid cimport (
+    NOWHERE, START, Walk, voxel_enter, walk_resume, walk_start, walk_step,
+)
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.vector cimport Line
 from bfrt.image.film cimport Film, film_add
@@ -131,15 +133,13 @@ def collect(Ray[::1] rays, int64_t first, int64_t last, Lattice lattice,
 
 cdef inline bint complete(const Ray* r, Lattice lattice) noexcept nogil:
     """No sentinel, or a hit that is nearer: strictly, so that objects that tie are all met."""
-    cdef Walk w
     cdef Line line
     if r.voxel == NOWHERE:
         return True
     if r.t == INFINITY:
         return False
     line = ray_line(r)
-    walk_resume(&w, &lattice.grid, &line, r.voxel, r.face)
-    return r.t < w.enter
+    return r.t < voxel_enter(&lattice.grid, &line, r.voxel, r.face)
 
 
 cdef inline void finish_hit(const Ray* r, const Path* p, Hit* h) noexcept nogil:

@@ -60,6 +60,9 @@ _VIEW = ("from", "at", "up", "angle", "hither", "resolution")
 _KEYWORDS = "a keyword: v, b, l, f, c, s, p or pp"
 _SHOWN_BYTES = 24
 
+#: Fills whose palette index is remembered here: a scene has few, and repeats them by the million.
+_PAINTED = 256
+
 # What the numbers of an entity are called, and the keyword that they belong to.
 _FIELDS: dict[int, tuple[str, tuple[str, ...]]] = {
     Entity.VIEW_FROM: ("from", _XYZ),
@@ -236,6 +239,7 @@ class _Reader:
         self.sink = sink
         self.parser = parser
         self.has_background = False
+        self.painted: dict[tuple[float, ...], int] = {}
         self.handlers: dict[int, Callable[[], None]] = {
             Event.CAMERA: self.take_camera,
             Event.LIGHT: self.take_light,
@@ -280,7 +284,12 @@ class _Reader:
 
     def take_material(self) -> None:
         v = self.parser.values
-        self.parser.paint_with(self.sink.material(Material(_vector(v), *v[3:])))
+        index = self.painted.get(v)
+        if index is None:
+            index = self.sink.material(Material(_vector(v), *v[3:]))
+            if len(self.painted) < _PAINTED:
+                self.painted[v] = index
+        self.parser.paint_with(index)
 
     def use_default_material(self) -> None:
         self.parser.paint_with(self.sink.material(Material()))

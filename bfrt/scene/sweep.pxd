@@ -27,7 +27,7 @@ cdef class Sweep:
     cdef size_t stride
     cdef int64_t index     # of the next object
     cdef uint32_t vertex   # polygons: where the last one ended
-    cdef uint32_t material  # the one, or that of the last object
+    cdef uint32_t material  # the one, where all have it
     cdef int material_bytes
     cdef const int64_t[::1] outliers
     cdef Py_ssize_t outlier
@@ -41,14 +41,13 @@ cdef class Sweep:
     cpdef int material_window(self, int64_t first, int64_t last) except -1
 
 
-cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
-    """Come to the next objects, up to `most` and BLOCK: their records and boxes; returns n >= 1.
+cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
+    """Come to the next objects, up to `most` and BLOCK: their records alone; returns n >= 1.
 
     Polygons, whose records are not of one size, come one at a time.
     """
     cdef uint32_t end
-    cdef int i, n = <int>(most if most < BLOCK else BLOCK)
-    cdef Sphere sphere
+    cdef int n = <int>(most if most < BLOCK else BLOCK)
     s.count = 0
     if s.kind == POLYGON:
         n = 1
@@ -58,6 +57,16 @@ cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
         s.record = take(s.geometry, s.stride * s.count)
     else:
         s.record = take(s.geometry, s.stride * n)
+    s.index += n
+    return n
+
+
+cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
+    """Come to the next objects, up to `most` and BLOCK: records and boxes; returns n >= 1."""
+    cdef int n = advance_records(s, most)
+    cdef int64_t first = s.index - n
+    cdef int i
+    cdef Sphere sphere
     if s.boxes is not None:
         memcpy(&s.box[0], take(s.boxes, BOX_BYTES * n), BOX_BYTES * n)
     else:
@@ -66,10 +75,9 @@ cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
                 sphere_bounds(&sphere, &s.box[i])
             else:
                 box_clear(&s.box[i])
-    while s.outlier < s.outliers.shape[0] and s.outliers[s.outlier] < s.index + n:
-        box_clear(&s.box[s.outliers[s.outlier] - s.index])
+    while s.outlier < s.outliers.shape[0] and s.outliers[s.outlier] < s.index:
+        box_clear(&s.box[s.outliers[s.outlier] - first])
         s.outlier += 1
-    s.index += n
     return n
 
 
@@ -78,16 +86,20 @@ cdef inline int advance(Sweep s) except -1 nogil:
     return advance_block(s, 1)
 
 
-cdef inline int advance_material(Sweep s) except -1 nogil:
-    """Come to the next object's material."""
+cdef inline int advance_materials(Sweep s, int n, uint32_t* materials) except -1 nogil:
+    """Come to the materials of the next n <= BLOCK objects."""
     cdef const unsigned char* p
+    cdef int i
     if s.materials is None:
+        for i in range(n):
+            materials[i] = s.material
         return 0
-    p = take(s.materials, s.material_bytes)
-    if s.material_bytes == 1:
-        s.material = p[0]
-    elif s.material_bytes == 2:
-        s.material = (<const uint16_t*>p)[0]
-    else:
-        s.material = (<const uint32_t*>p)[0]
+    p = take(s.materials, s.material_bytes * n)
+    for i in range(n):
+        if s.material_bytes == 1:
+            materials[i] = p[i]
+        elif s.material_bytes == 2:
+            materials[i] = (<const uint16_t*>p)[i]
+        else:
+            materials[i] = (<const uint32_t*>p)[i]
     return 0
