@@ -57,6 +57,14 @@ def spans(box, grow, origins, directions):
     return _kernels.spans(boxes, grow, np.ascontiguousarray(origins), directions)
 
 
+def one_record(kind, objects):
+    """The numbers of the first object."""
+    if kind == Kind.POLYGON:
+        return objects.vertices[: objects.counts[0]]
+    tables = (objects.spheres, objects.cones, objects.triangles, objects.patches)
+    return tables[kind][0]
+
+
 def test_rule_1_a_hit_counts_within_the_span_of_the_grown_box(tmp_path):
     """Seen edge on, a kernel may answer what is not there: outside of the box, that is no hit."""
     rng = np.random.default_rng(1)
@@ -78,6 +86,31 @@ def test_rule_1_a_hit_counts_within_the_span_of_the_grown_box(tmp_path):
         kept += within.sum()
     assert nonsense > 10
     assert kept > 1000
+    # Every kernel keeps to the span: a box shrunk by a fifth shows it.
+    for kind in Kind:
+        record = one_record(kind, random_objects(rng, 3, [kind], spread=0.1, size=4.0))
+        box = meet(kind, record, [[0, 0, 0]], [[0, 0, 1]]).box
+        shrink = -0.2 * float((box[3:] - box[:3]).min())
+        origins, directions = rays_through(rng, box, 2000)
+        alone = meet(kind, record, origins, directions)
+        ruled = meet(kind, record, origins, directions, shrink)
+        near, far = spans(alone.box, shrink, origins, directions).T
+        within = (near <= alone.t) & (alone.t <= far)
+        np.testing.assert_array_equal(ruled.t[within], alone.t[within])
+        rest = ruled.t[ruled.hit]
+        assert ((near[ruled.hit] <= rest) & (rest <= far[ruled.hit])).all()
+        assert (alone.hit & ~within).sum() > 50
+    # Both take the same d: seen edge on, where d is as large as the objects, nonsense is anywhere.
+    size = 2.0**-29
+    corners = rng.normal(size=(20, 3, 3)) * size
+    objects = Objects(triangles=corners.reshape(-1, 9), spheres=[[1, 0, 0, 0.1]])
+    store = fast.gridded(fast.write(fast.stored(objects), tmp_path / "tiny.bfrt", origin=ORIGIN))
+    owner = rng.integers(20, size=8000)
+    edges = corners[owner, 1:] - corners[owner, :1]
+    directions = np.einsum("ij,ijk->ik", rng.normal(size=(8000, 2)), edges)
+    beside = np.einsum("ij,ijk->ik", rng.uniform(-3, 3, (8000, 2)), edges)
+    origins = corners[owner, 0] + beside - 3 * directions
+    check_both(store, origins, directions, tmp_path)
     # And d is enough: walls that their boxes fit tightly are hit wherever the oracle hits them.
     objects = fast.stored(joined(lattice_scene(rng), flat_scene(rng, 30)))
     store = fast.write(objects, tmp_path / "s.bfrt", origin=ORIGIN)

@@ -272,7 +272,7 @@ def test_on_a_lattice(tmp_path_factory, objects, rays, capacities):
 
 
 @pytest.mark.slow
-@settings(max_examples=5000, deadline=None)
+@settings(max_examples=2000, deadline=None)
 @given(objects=lattice_objects(), rays=lattice_rays(), capacities=tight)
 def test_on_a_lattice_at_length(tmp_path_factory, objects, rays, capacities):
     check_on_lattice(tmp_path_factory.getbasetemp(), objects, rays, capacities)
