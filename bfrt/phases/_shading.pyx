@@ -123,7 +123,7 @@ cdef class Shader:
 
     cdef int64_t shade_object(self, Sweep sweep, int i, const uint32_t* materials,
                               const Hit* hits, int64_t n, bint last) except -1 nogil:
-        """Shade the hits at the head of `hits` that are of object i of a block; returns how many."""
+        """Shade the hits at the head of `hits`, all those of object i of a block; how many."""
         cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
         cdef Shape shape
         cdef Box box
