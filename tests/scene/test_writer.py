@@ -819,6 +819,7 @@ def test_a_killed_writer_leaves_nothing_that_opens(tmp_path, after):
         [sys.executable, "-c", KILLED, str(path)],
         stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": source},
+        cwd=Path(path.anchor),  # not the source tree, which has no compiled modules
     )
     assert process.stdout.readline() == b"begun\n"
     time.sleep(after)
