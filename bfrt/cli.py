@@ -251,7 +251,9 @@ def opened(options: argparse.Namespace) -> Iterator[Store]:
     try:
         with reading_bar(options.input, options.quiet) as progress:
             name = Path(options.input.replace(":", "-")).stem or "scene"
-            store = convert(options.input, temporary / f"{name}.bfrt", progress=progress)
+            store = convert(
+                options.input, temporary / f"{name}.bfrt", progress=progress, durable=False
+            )
         yield store
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

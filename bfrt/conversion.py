@@ -41,6 +41,7 @@ def convert(
     *,
     dtype: Any = "float32",
     progress: Report | None = None,
+    durable: bool = True,
 ) -> Store:
     """Convert a scene file to a scene store, streaming.
 
@@ -54,6 +55,8 @@ def convert(
         What geometry is stored as.
     progress : callable, optional
         Called with the bytes read so far.
+    durable : bool
+        Whether the store outlives a loss of power; of no use for one that is removed soon.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def convert(
         If no reader knows the file's suffix.
     """
     name = os.fspath(source)
-    with SceneWriter(target, dtype=dtype, origin=(0.0, 0.0, 0.0)) as writer:
+    with SceneWriter(target, dtype=dtype, origin=(0.0, 0.0, 0.0), durable=durable) as writer:
         if name.startswith("spd:"):
             parse_spd(name).feed(writer)
         elif name == "-" or Path(name).suffix.lower() in SUFFIXES:

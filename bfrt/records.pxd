@@ -38,7 +38,8 @@ cdef packed struct Ray:
     uint32_t voxel  # where the walk is: the first candidate of the next pass
     uint8_t face    # by which face it came there
     uint8_t kind
-    uint16_t unused
+    uint8_t lock    # while a thread updates t and id
+    uint8_t unused
 
 cdef packed struct Path:
     uint32_t pixel

@@ -19,8 +19,10 @@ MATERIAL        32  a material of the palette
 from __future__ import annotations
 
 import enum
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class Kind(enum.IntEnum):
@@ -67,7 +69,8 @@ RAY = np.dtype(
         ("voxel", "<u4"),
         ("face", "u1"),
         ("kind", "u1"),
-        ("unused", "<u2"),
+        ("lock", "u1"),
+        ("unused", "u1"),
     ]
 )
 PATH = np.dtype(_PATH)
@@ -97,6 +100,7 @@ OFFSET_BYTES = 4  # a polygon's end, counted in vertices
 FILM_BYTES = 32  # four 64-bit sums: R G B A
 AOV_BYTES = 24  # Z, N, 64-bit id
 
+
 VOXEL_BITS = 30
 RAY_BITS = 21
 FACE_BITS = 3
@@ -114,3 +118,8 @@ for _dtype, _bytes in (
 ):
     if _dtype.itemsize != _bytes:
         raise TypeError(f"{_dtype} has {_dtype.itemsize} bytes, not {_bytes}")
+
+
+def plain(records: NDArray[Any]) -> NDArray[Any]:
+    """The same memory, to be copied: NumPy would copy a record field by field, ten times slower."""
+    return records.view(f"V{records.dtype.itemsize}")

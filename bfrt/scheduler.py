@@ -27,7 +27,7 @@ from bfrt.budget import Capacities
 from bfrt.errors import Cancelled
 from bfrt.image.film import Film
 from bfrt.phases.eye import EyeRays, view_vectors
-from bfrt.phases.intersection import intersect_all, new_locks
+from bfrt.phases.intersection import intersect_all
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.preprocess import lattice_of, preprocess, resolution
 from bfrt.phases.shading import Shading
@@ -84,7 +84,6 @@ class Tracer:
             )
         outliers = Outliers(store, group)
         self._voxel_rays = VoxelRays(lattice.shape, capacities.candidates)
-        self._locks = new_locks()
         self._flight = Flight(capacities.rays, lattice, marks, outliers, workers)
 
     @property
@@ -110,7 +109,7 @@ class Tracer:
                     flight.collect(self._voxel_rays, self._swept, counters)
             if flight.active:
                 with phases.intersection.timed():
-                    intersect_all(self.objects, flight, self._voxel_rays, self._locks, counters)
+                    intersect_all(self.objects, flight, self._voxel_rays, counters)
                 with phases.traversal.timed():
                     done += flight.settle(film, background, hits, counters)
         tell(done)

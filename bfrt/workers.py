@@ -24,7 +24,7 @@ class Workers:
         self.threads = threads
         self._pool = ThreadPoolExecutor(threads, "bfrt") if threads > 1 else None
 
-    def run(self, task: Task, count: int, *, smallest: int = 1, largest: int = 65536) -> None:
+    def run(self, task: Task, count: int, *, smallest: int = 1, largest: int = 8192) -> None:
         """Call `task` for every chunk of range(count); chunks have `smallest` to `largest`.
 
         Raises

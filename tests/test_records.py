@@ -65,8 +65,7 @@ def test_struct_is_its_dtype(name):
 
 def settled(rays, paths, hits):
     lattice = Lattice((0, 0, 0), (1, 1, 1), (1, 1, 1), 0.0)
-    cursor = np.zeros(3, np.int64)
-    settle(rays, paths, cursor, lattice, Film(1, 1, 1), np.zeros(3), hits)
+    settle(rays, paths, 0, 0, lattice, Film(1, 1, 1), np.zeros(3), hits)
 
 
 def test_the_compiler_agrees():

@@ -1,6 +1,5 @@
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
@@ -13,5 +12,4 @@ def intersect(
     lattice: Lattice,
     voxel_rays: VoxelRays,
     rays: NDArray[Any],
-    locks: NDArray[np.uint8],
 ) -> tuple[int, int]: ...

@@ -1,14 +1,15 @@
 """The intersection loop: each object against the rays stored in its voxels."""
 
-from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from bfrt.geometry.box cimport Box, Grown, Span, box_empty, box_grow, box_union, grown_span
+from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, box_union
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.grid cimport Grid, Range, box_range, entered_by, roughly
+from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
-from bfrt.geometry.vector cimport Line
-from bfrt.phases.nearest cimport nearer, ray_line
+from bfrt.geometry.vector cimport vec
+from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, VoxelRays, brick_word, entry_face, entry_ray, occupied, range_word,
 )
@@ -24,15 +25,10 @@ cdef extern from *:
     int lowest_bit "bfrt_lowest_bit"(uint64_t word) noexcept nogil
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
 
-cdef enum:
-    PENDING = 64  # rays that are gathered before they are tested, against box or object
-
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
     const Grid* grid
     Ray* rays
-    uint8_t* locks
-    uint32_t lock_mask
     const Frame* frame
     int kind
     const unsigned char* record
@@ -43,9 +39,11 @@ cdef struct Search:
     Shape shape
     bint loaded
     int gathered
-    uint32_t rays_near[PENDING]
+    uint32_t rays_near[64]  # LANES rays that are gathered before they are tested together
+    double reach[64]        # of each its nearest hit so far
+    Lanes lanes
     int pending
-    Meeting meetings[PENDING]
+    Meeting meetings[64]
     int64_t box_tests
     int64_t object_tests
 
@@ -54,7 +52,7 @@ cdef void meet_pending(Search* s) noexcept nogil:
     """Intersect the object with the rays that met its box, and keep the nearest hits."""
     cdef int i
     cdef Meeting* m
-    cdef uint8_t* guard
+    cdef Ray* r
     if not s.loaded:
         shape_load(s.kind, s.record, s.count, s.frame, &s.shape)
         s.loaded = True
@@ -62,43 +60,49 @@ cdef void meet_pending(Search* s) noexcept nogil:
     s.object_tests += s.pending
     for i in range(s.pending):
         m = &s.meetings[i]
-        if m.t >= 0.0:
-            guard = &s.locks[m.mark & s.lock_mask]
-            lock(guard)
-            nearer(&s.rays[m.mark], m.t, s.id)
-            unlock(guard)
+        r = &s.rays[m.mark]
+        if 0.0 <= m.t <= atomic_load(&r.t):
+            lock(&r.lock)
+            nearer(r, m.t, s.id)
+            unlock(&r.lock)
     s.pending = 0
 
 
-cdef inline void meet_box(Search* s, uint32_t ray) noexcept nogil:
-    """Test a ray of the box's voxels against the box itself."""
-    cdef const Ray* r = &s.rays[ray]
-    cdef double t = atomic_load(&r.t)
-    cdef Line l
-    cdef Span span
+cdef void meet_box(Search* s) noexcept nogil:
+    """Test the gathered rays against the box; those that meet it are pending."""
+    cdef Lanes* l = &s.lanes
+    cdef const Ray* r
     cdef Meeting* m
-    if t < 0.0:  # a shadow ray that has met something already
-        return
-    s.box_tests += 1
-    l = ray_line(r)
-    # What is nearer is culled by >, never by >=: a tie goes to the smaller id.
-    if not grown_span(&s.box, &l, &span) or span.near > t:
-        return
-    m = &s.meetings[s.pending]
-    m.line = l
-    m.span = span
-    m.mark = ray
-    s.pending += 1
-    if s.pending == PENDING:
-        meet_pending(s)
-
-
-cdef void meet_boxed(Search* s) noexcept nogil:
-    """Test the gathered rays against the box."""
-    cdef int i
+    cdef double t
+    cdef uint32_t ray
+    cdef int i, n = 0
     for i in range(s.gathered):
-        meet_box(s, s.rays_near[i])
+        ray = s.rays_near[i]
+        r = &s.rays[ray]
+        t = atomic_load(&r.t)
+        if t < 0.0:  # a shadow ray that has met something already
+            continue
+        s.rays_near[n] = ray
+        s.reach[n] = t
+        l.o[0][n], l.o[1][n], l.o[2][n] = r.ox, r.oy, r.oz
+        l.d[0][n], l.d[1][n], l.d[2][n] = r.dx, r.dy, r.dz
+        n += 1
     s.gathered = 0
+    s.box_tests += n
+    grown_lanes(l, n, &s.box)
+    for i in range(n):
+        # What is nearer is culled by >, never by >=: a tie goes to the smaller id.
+        if not l.near[i] <= l.far[i] or l.near[i] > s.reach[i]:
+            continue
+        if s.pending == LANES:
+            meet_pending(s)
+        m = &s.meetings[s.pending]
+        m.line.o = vec(l.o[0][i], l.o[1][i], l.o[2][i])
+        m.line.d = vec(l.d[0][i], l.d[1][i], l.d[2][i])
+        m.line.inv = vec(l.inv[0][i], l.inv[1][i], l.inv[2][i])
+        m.span.near, m.span.far = l.near[i], l.far[i]
+        m.mark = s.rays_near[i]
+        s.pending += 1
 
 
 cdef inline void gather(Search* s, uint32_t ray) noexcept nogil:
@@ -107,8 +111,8 @@ cdef inline void gather(Search* s, uint32_t ray) noexcept nogil:
     prefetch(&s.rays[ray].t)
     s.rays_near[s.gathered] = ray
     s.gathered += 1
-    if s.gathered == PENDING:
-        meet_boxed(s)
+    if s.gathered == LANES:
+        meet_box(s)
 
 
 cdef inline void meet_voxel(Search* s, VoxelRays v, int x, int y, int z) noexcept nogil:
@@ -206,21 +210,18 @@ cdef void meet_rays(Search* s, VoxelRays v) noexcept nogil:
         for y in range(s.range.lo[1] >> down, (s.range.hi[1] >> down) + 1):
             for x in range(s.range.lo[0] >> down, (s.range.hi[0] >> down) + 1):
                 meet_cube(s, v, level, x, y, z)
-    meet_boxed(s)
+    meet_box(s)
     if s.pending:
         meet_pending(s)
 
 
-def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray[::1] rays,
-              uint8_t[::1] locks):
+def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray[::1] rays):
     """Test the next n objects of a sweep against the rays stored in their voxels.
 
     Parameters
     ----------
     rays : (active,) records.RAY
-        IN, OUT: t and id become those of the nearest hit.
-    locks : (power of 2,) uint8
-        Shared by all threads; zeros.
+        IN, OUT: t and id become those of the nearest hit. Threads share them.
 
     Returns
     -------
@@ -233,8 +234,6 @@ def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray
     cdef int i, block
     s.grid = &lattice.grid
     s.rays = &rays[0]
-    s.locks = &locks[0]
-    s.lock_mask = <uint32_t>(locks.shape[0] - 1)
     s.frame = &sweep.frame
     s.kind = sweep.kind
     s.gathered = s.pending = 0

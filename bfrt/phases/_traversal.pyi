@@ -30,9 +30,17 @@ def collect(
 def settle(
     rays: NDArray[Any],
     paths: NDArray[Any],
-    cursor: NDArray[np.int64],
+    first: int,
+    last: int,
     lattice: Lattice,
     film: Film,
     background: NDArray[np.float64],
     hits: NDArray[Any],
-) -> tuple[int, int]: ...
+) -> tuple[int, int, int]: ...
+def close_ranks(
+    rays: NDArray[Any],
+    paths: NDArray[Any],
+    base: int,
+    firsts: NDArray[np.int64],
+    counts: NDArray[np.int64],
+) -> int: ...

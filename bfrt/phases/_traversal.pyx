@@ -2,6 +2,7 @@
 
 from libc.math cimport INFINITY
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
+from libc.string cimport memmove
 
 from bfrt.geometry.grid cimport (
     NOWHERE, START, Walk, voxel_enter, walk_resume, walk_start, walk_step,
@@ -35,7 +36,7 @@ cdef void enter(const Queued* q, Ray* r, Path* p) noexcept nogil:
     r.voxel = NOWHERE
     r.kind = <uint8_t>q.kind
     r.face = 0
-    r.unused = 0
+    r.lock = r.unused = 0
     p.pixel, p.sample, p.kind = q.pixel, q.sample, q.kind
     p.red, p.green, p.blue = q.red, q.green, q.blue
 
@@ -162,28 +163,26 @@ cdef inline void finish_miss(const Ray* r, const Path* p, Film film,
         )
 
 
-def settle(Ray[::1] rays, Path[::1] paths, int64_t[::1] cursor, Lattice lattice, Film film,
-           const double[::1] background, Hit[::1] hits):
-    """Let complete rays go, and close ranks.
+def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice lattice,
+           Film film, const double[::1] background, Hit[::1] hits):
+    """Let complete rays of a part go, and close its ranks.
 
     Parameters
     ----------
     rays, paths : (capacity,)
-        IN, OUT.
-    cursor : (3,) int64
-        IN, OUT: the next ray to look at, where the next that stays goes, and the end.
-    hits : (room,) records.HIT
-        OUT: intersections to be shaded. It returns early when this is full.
+        IN, OUT: those of [first, last) that stay are at its front.
+    hits : (last - first or more,) records.HIT
+        OUT: intersections to be shaded.
 
     Returns
     -------
-    n, eye_hits : int
-        Intersections written; those of eye rays.
+    kept, n, eye_hits : int
+        Rays that stay; intersections written; those of eye rays.
     """
-    cdef int64_t i = cursor[0], kept = cursor[1], n = 0, eye_hits = 0
+    cdef int64_t i, kept = first, n = 0, eye_hits = 0
     cdef Ray* r
     with nogil:
-        while i < cursor[2]:
+        for i in range(first, last):
             r = &rays[i]
             if not complete(r, lattice):
                 if kept != i:
@@ -193,12 +192,19 @@ def settle(Ray[::1] rays, Path[::1] paths, int64_t[::1] cursor, Lattice lattice,
             elif r.id == NO_HIT:
                 finish_miss(r, &paths[i], film, &background[0])
             elif r.kind != SHADOW:
-                if n == hits.shape[0]:
-                    break
                 finish_hit(r, &paths[i], &hits[n])
                 n += 1
                 eye_hits += r.kind == EYE
-            i += 1
-    cursor[0] = i
-    cursor[1] = kept
-    return n, eye_hits
+    return kept - first, n, eye_hits
+
+
+def close_ranks(Ray[::1] rays, Path[::1] paths, int64_t base, const int64_t[::1] firsts,
+                const int64_t[::1] counts):
+    """Move the parts (firsts, counts), ascending, together to `base`; returns where they end."""
+    cdef int64_t i, end = base
+    with nogil:
+        for i in range(firsts.shape[0]):
+            memmove(&rays[end], &rays[firsts[i]], counts[i] * sizeof(Ray))
+            memmove(&paths[end], &paths[firsts[i]], counts[i] * sizeof(Path))
+            end += counts[i]
+    return end

@@ -6,9 +6,6 @@ rays stay and objects stream past.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bfrt.phases._intersection import intersect
 from bfrt.phases.traversal import Flight
 from bfrt.phases.voxel_rays import VoxelRays
@@ -16,20 +13,11 @@ from bfrt.scene.objects import Objects
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Counters
 
-#: Locks that the nearest hits of all rays share; a power of two.
-LOCKS = 4096
-
-
-def new_locks() -> NDArray[np.uint8]:
-    """Locks for `intersect_all`, open."""
-    return np.zeros(LOCKS, np.uint8)
-
 
 def intersect_all(
     objects: Objects,
     flight: Flight,
     voxel_rays: VoxelRays,
-    locks: NDArray[np.uint8],
     counters: Counters,
 ) -> None:
     """Update the nearest hit of every ray that is stored in a voxel."""
@@ -37,7 +25,7 @@ def intersect_all(
     tallies: list[tuple[int, int]] = []
 
     def loop(_: int, sweep: Sweep, first: int, last: int) -> None:
-        tallies.append(intersect(sweep, last - first, flight.lattice, voxel_rays, rays, locks))
+        tallies.append(intersect(sweep, last - first, flight.lattice, voxel_rays, rays))
 
     counters.sweep(objects.each(loop))
     counters.phases.intersection.swept(objects)

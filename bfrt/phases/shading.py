@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bfrt.budget import Capacities, emit_room
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
-from bfrt.records import INDEX_BITS, QUEUED
+from bfrt.records import HIT, INDEX_BITS, QUEUED, plain
 from bfrt.scene.objects import Objects
 from bfrt.scene.store import Store
 from bfrt.scene.sweep import Sweep
@@ -65,7 +65,7 @@ class Shading:
         """Shade all hits; the rays of the next depth go to `queue`."""
         while len(hits):
             chunk = self._gather(hits)
-            chunk = chunk[np.argsort(chunk["id"])]
+            chunk = plain(chunk)[np.argsort(chunk["id"])].view(HIT)
             self._sweep(objects, chunk, queue.append, last, counters)
 
     def _gather(self, hits: Spool) -> NDArray[Any]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
-from bfrt.phases._traversal import admit, collect, settle
+from bfrt.phases._traversal import admit, close_ranks, collect, settle
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import HIT, PATH, RAY
@@ -31,6 +31,9 @@ SWEPT_EACH = 32
 #: Rays that enter memory at once, and the fewest worth handing to a thread.
 ADMITTED = 65536
 FEWEST = 512
+
+#: Rays that a thread looks at together for whether they are complete.
+SETTLED = 8192
 
 
 class Queue(Protocol):
@@ -66,7 +69,7 @@ class Flight:
         self._workers = workers
         self._rays = np.empty(capacity, RAY)
         self._paths = np.empty(capacity, PATH)
-        self._hits = np.empty(min(capacity, ADMITTED), HIT)
+        self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
 
     @property
     def rays(self) -> NDArray[Any]:
@@ -144,16 +147,26 @@ class Flight:
         background: NDArray[np.float64],
         hits: Spool,
         counters: Counters,
-        first: int = 0,
+        base: int = 0,
     ) -> int:
-        """Let complete rays go, from `first` on: intersections to `hits`, light to the film."""
-        cursor = np.array([first, first, self.active], np.int64)
-        while cursor[0] < self.active:
-            n, eye_hits = settle(
-                self._rays, self._paths, cursor, self.lattice, film, background, self._hits
+        """Let complete rays go, from `base` on: intersections to `hits`, light to the film."""
+        before = self.active
+        parts: list[tuple[int, int]] = []
+
+        def chunk(worker: int, first: int, last: int) -> None:
+            found = self._hits[worker]
+            first, last = base + first, base + last
+            kept, n, eye_hits = settle(
+                self._rays, self._paths, first, last, self.lattice, film, background, found
             )
-            hits.append(self._hits[:n])
-            counters.rays.eye_hits += eye_hits
-        finished = self.active - int(cursor[1])
-        self.active = int(cursor[1])
-        return finished
+            hits.append(found[:n])
+            parts.append((first, kept))
+            tallies.append(eye_hits)
+
+        tallies: list[int] = []
+        self._workers.run(chunk, before - base, smallest=FEWEST, largest=SETTLED)
+        counters.rays.eye_hits += sum(tallies)
+        if parts:
+            firsts, counts = np.array(sorted(parts), np.int64).T.copy()
+            self.active = close_ranks(self._rays, self._paths, base, firsts, counts)
+        return before - self.active

@@ -27,12 +27,20 @@ cdef class VoxelRays:
     cdef int levels
     cdef int n[3]
 
+    cdef int64_t voxels
+    cdef int bucket_bits               # of a voxel's number below its bucket's
+    cdef int64_t border[257]           # where each bucket's candidates begin
+
     cdef int64_t pack(self, const int64_t[::1] firsts, const int64_t[::1] counts) noexcept
-    cdef int64_t partition(self, int64_t n, int64_t border) noexcept nogil
-    cdef void sort_part(self, int64_t voxel, int64_t end, int64_t first, int64_t last) noexcept
+    cdef void partition(self, int64_t n) noexcept
+    cdef int bucket_of(self, uint64_t entry) noexcept nogil
+    cdef void sort_buckets(self, int first, int last) noexcept
     cdef void count(self, int64_t voxel, int64_t end, int64_t first, int64_t last) noexcept nogil
-    cdef void occupy(self, uint32_t voxel) noexcept nogil
     cdef void place(self, int64_t first, int64_t last) noexcept nogil
+    cdef void sum_up(self, int first, int last) noexcept
+    cdef void sum_up_row(self, int64_t row, int64_t brick, int bit) noexcept nogil
+    cdef void raise_levels(self) noexcept
+    cdef void raise_brick(self, int x, int y, int z) noexcept nogil
 
 
 cdef inline uint64_t entry_of(uint32_t voxel, uint32_t ray, int face) noexcept nogil:

@@ -12,3 +12,12 @@ def bound(
     scalars: int,
     boxes: NDArray[np.float32],
 ) -> tuple[int, int]: ...
+def gather(
+    boxes: NDArray[np.float32],
+    ids: NDArray[np.uint64],
+    rest: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    largest: NDArray[np.float32],
+    largest_ids: NDArray[np.uint64],
+    count: int,
+) -> int: ...

@@ -1,12 +1,13 @@
-"""Boxes of records: the writer's loop."""
+"""Boxes of records, and what all of them together reach: the writer's loops."""
 
 from libc.math cimport isfinite
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame, number
 from bfrt.geometry.shape cimport Shape, shape_bounds, shape_load
-from bfrt.geometry.vector cimport vec
+from bfrt.geometry.vector cimport larger, smaller, vec
 from bfrt.records cimport POLYGON
 
 
@@ -71,3 +72,67 @@ def bound(int kind, const unsigned char[::1] geometry, const uint32_t[::1] count
         else:
             bad = -1
     return degenerate, bad
+
+
+cdef inline bint before(double size, uint64_t id, double other, uint64_t other_id) noexcept nogil:
+    """The order of the largest: by size, of one size by id."""
+    return size > other or (size == other and id < other_id)
+
+
+cdef inline double size_of(const float* box) noexcept nogil:
+    """The square of a box's diagonal; 0 where it holds no point."""
+    cdef double x = larger(<double>box[3] - box[0], 0.0)
+    cdef double y = larger(<double>box[4] - box[1], 0.0)
+    cdef double z = larger(<double>box[5] - box[2], 0.0)
+    return x * x + y * y + z * z
+
+
+cdef inline void reach(double* rest, const float* box) noexcept nogil:
+    cdef int k
+    for k in range(3):
+        rest[k] = smaller(box[k], rest[k])
+        rest[3 + k] = larger(box[3 + k], rest[3 + k])
+
+
+def gather(const float[:, ::1] boxes, const uint64_t[::1] ids, double[::1] rest, double[::1] sizes,
+           float[:, ::1] largest, uint64_t[::1] largest_ids, int count):
+    """Keep the largest boxes, and take the others into bounds.
+
+    Parameters
+    ----------
+    boxes, ids : (n, 6) float32, (n,) uint64
+        IN. lo and hi; inf and -inf for a degenerate object.
+    rest : (6,) float64
+        IN, OUT. The bounds of all boxes that are not kept.
+    sizes, largest, largest_ids : (room,) float64, (room, 6) float32, (room,) uint64
+        IN, OUT. The boxes that are kept, the largest first.
+    count : int
+        How many are kept so far.
+
+    Returns
+    -------
+    count : int
+    """
+    cdef int64_t i
+    cdef int j, room = <int>sizes.shape[0]
+    cdef double size
+    with nogil:
+        for i in range(boxes.shape[0]):
+            size = size_of(&boxes[i, 0])
+            if count == room:
+                if not before(size, ids[i], sizes[room - 1], largest_ids[room - 1]):
+                    reach(&rest[0], &boxes[i, 0])
+                    continue
+                reach(&rest[0], &largest[room - 1, 0])
+                count -= 1
+            j = count
+            while j > 0 and before(size, ids[i], sizes[j - 1], largest_ids[j - 1]):
+                sizes[j] = sizes[j - 1]
+                memcpy(&largest[j, 0], &largest[j - 1, 0], 6 * sizeof(float))
+                largest_ids[j] = largest_ids[j - 1]
+                j -= 1
+            sizes[j] = size
+            memcpy(&largest[j, 0], &boxes[i, 0], 6 * sizeof(float))
+            largest_ids[j] = ids[i]
+            count += 1
+    return count

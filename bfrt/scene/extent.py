@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.scene._bounds import gather
+
 #: Boxes kept aside while a group is written.
 LARGEST = 64
 
@@ -58,44 +60,31 @@ class Extent:
     """Gathers bounds, and the largest boxes, over all blocks of a group."""
 
     def __init__(self) -> None:
-        self._rest = NOTHING
-        self._sizes = np.empty(0)
-        self._boxes = np.empty((0, 6))
-        self._ids = np.empty(0, np.uint64)
+        self._rest = np.concatenate(NOTHING)
+        self._count = 0
+        self._sizes = np.empty(LARGEST)
+        self._boxes = np.empty((LARGEST, 6), np.float32)
+        self._ids = np.empty(LARGEST, np.uint64)
 
     def add(self, boxes: NDArray[np.float32], ids: NDArray[np.uint64]) -> None:
         """Take in boxes (n, 6) and the ids (n,) of their objects, in any order of blocks."""
-        sides = np.maximum(boxes[:, 3:].astype(np.float64) - boxes[:, :3], 0.0)
-        sizes = (sides * sides).sum(axis=1)
-        if len(self._sizes) == LARGEST:
-            least, last = self._sizes[-1], self._ids[-1]
-            large = (sizes > least) | ((sizes == least) & (ids < last))
-        else:
-            large = np.ones(len(sizes), bool)
-        if len(boxes) > LARGEST and large.sum() > LARGEST:
-            large &= sizes >= np.partition(sizes, -LARGEST)[-LARGEST]
-        self._rest = self._rest.union(bounds_of(boxes[~large]))
-        self._keep(sizes[large], boxes[large].astype(np.float64), ids[large])
+        self._count = gather(
+            boxes, ids, self._rest, self._sizes, self._boxes, self._ids, self._count
+        )
 
-    def _keep(
-        self, sizes: NDArray[np.float64], boxes: NDArray[np.float64], ids: NDArray[np.uint64]
-    ) -> None:
-        sizes = np.concatenate([self._sizes, sizes])
-        boxes = np.concatenate([self._boxes, boxes])
-        ids = np.concatenate([self._ids, ids])
-        order = np.lexsort((ids, -sizes))
-        kept, dropped = order[:LARGEST], order[LARGEST:]
-        self._rest = self._rest.union(bounds_of(boxes[dropped]))
-        self._sizes, self._boxes, self._ids = sizes[kept], boxes[kept], ids[kept]
+    def _without(self, largest: int) -> Bounds:
+        """The bounds of all but so many of the largest."""
+        rest = Bounds(self._rest[:3].copy(), self._rest[3:].copy())
+        return rest.union(bounds_of(self._boxes[largest : self._count]))
 
     @property
     def bounds(self) -> Bounds:
         """All objects."""
-        return self._rest.union(bounds_of(self._boxes))
+        return self._without(0)
 
     def outliers(self) -> tuple[list[int], Bounds]:
         """Ids that stay out of the grid, ascending, and the bounds of all others."""
-        left = [self._rest.union(bounds_of(self._boxes[k:])) for k in range(len(self._ids) + 1)]
+        left = [self._without(k) for k in range(self._count + 1)]
         volumes = [0.0 if b.empty else float(np.prod(b.grid_sides())) for b in left]
         out = 0
         for k in range(1, len(left)):

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.records import INDEX_BITS, MATERIAL, SCALARS, Kind
-from bfrt.scene._bounds import bound
+from bfrt.records import MATERIAL, SCALARS, Kind
+from bfrt.scene.columns import Prepared, StreamWriter, prepare
 from bfrt.scene.extent import Extent
 from bfrt.scene.header import header_text
 from bfrt.scene.model import Camera, Light, Material, Vector
@@ -49,158 +49,6 @@ REMEMBERED = 65536
 BLOCK = 65536
 
 
-class MaterialColumn:
-    """A stream's materials in the smallest integers that fit; nothing while there is only one."""
-
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / "materials"
-        self._file: FileWriter | None = None
-        self._count = 0
-        self.first = 0
-        self.bytes = 0
-
-    def append(self, materials: NDArray[np.uint32]) -> None:
-        if self._count == 0 and len(materials):
-            self.first = int(materials[0])
-        top = max(self.first, int(materials.max(initial=0)))
-        width = 1 if top < 1 << 8 else 2 if top < 1 << 16 else 4
-        if width > self.bytes and (self.bytes or not (materials == self.first).all()):
-            self._widen(width)
-        if self._file is not None:
-            self._file.write(materials.astype(f"<u{self.bytes}"))
-        self._count += len(materials)
-
-    def _widen(self, width: int) -> None:
-        """Write what there is again, in wider integers."""
-        old, old_bytes = self._file, self.bytes
-        wider = FileWriter(self._path.with_suffix(f".{width}"))
-        self._file, self.bytes = wider, width
-        if old is None:
-            for done in range(0, self._count, BLOCK):
-                n = min(BLOCK, self._count - done)
-                wider.write(np.full(n, self.first, f"<u{width}"))
-            return
-        old.close()
-        try:
-            with old.path.open("rb") as file:
-                while block := file.read(BLOCK):
-                    wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
-            old.path.unlink()
-        except OSError as error:
-            raise refused(old.path, 0, error, "reading") from error
-
-    def close(self) -> FileWriter | None:
-        if self._file is not None:
-            self._file.close()
-            try:
-                self._file.path.rename(self._path)
-            except OSError as error:
-                raise refused(self._path, 0, error, "renaming to it") from error
-        return self._file
-
-    def abandon(self) -> None:
-        if self._file is not None:
-            self._file.abandon()
-
-
-class StreamWriter:
-    """One kind's files as they grow."""
-
-    def __init__(self, folder: Path, group: int, kind: Kind, wide: bool) -> None:
-        try:
-            folder.mkdir(parents=True)
-        except OSError as error:
-            raise refused(folder, 0, error, "creating") from error
-        self.group = group
-        self.kind = kind
-        self.wide = wide
-        self.count = self.degenerate = self.vertices = self.largest = 0
-        self.materials = MaterialColumn(folder)
-        names = ["geometry"]
-        if kind != Kind.SPHERE:
-            names.append("boxes")
-        if kind == Kind.POLYGON:
-            names.append("offsets")
-        self.files: dict[str, FileWriter] = {}
-        try:
-            for name in names:
-                self.files[name] = FileWriter(folder / name)
-        except BaseException:
-            self.abandon()
-            raise
-
-    @property
-    def label(self) -> str:
-        return self.kind.label
-
-    def append(
-        self,
-        records: NDArray[np.floating],
-        counts: NDArray[np.uint32],
-        materials: NDArray[np.uint32],
-        origin: Vector,
-        extent: Extent,
-    ) -> None:
-        """Add records (n, scalars), or vertices (m, 3) of n polygons, of the stream's dtype."""
-        n = len(materials)
-        boxes = np.empty((n, 6), np.float32)
-        flat = np.ascontiguousarray(records).reshape(-1).view(np.uint8)
-        degenerate, bad = bound(
-            self.kind, flat, counts, self.wide, origin, SCALARS[self.kind], boxes
-        )
-        if bad >= 0:
-            raise SceneError(
-                f"{self.label} {self.count + bad}: found a number that is NaN, infinite or too "
-                f"large for float32 boxes, expected finite coordinates"
-            )
-        if "offsets" in self.files:
-            self._write_offsets(counts)
-        self.files["geometry"].write(flat)
-        if "boxes" in self.files:
-            self.files["boxes"].write(boxes)
-        self.materials.append(materials)
-        stream = self.group * len(Kind) + self.kind
-        first = (stream << INDEX_BITS) + self.count
-        extent.add(boxes, np.arange(first, first + n, dtype=np.uint64))
-        self.count += n
-        self.degenerate += degenerate
-
-    def _write_offsets(self, counts: NDArray[np.uint32]) -> None:
-        ends = self.vertices + np.cumsum(counts, dtype=np.uint64)
-        if len(ends) and int(ends[-1]) >= 1 << 32:
-            raise SceneError(
-                f"polygon {self.count}: found more than 2^32 vertices of polygons, expected fewer"
-            )
-        self.files["offsets"].write(ends.astype("<u4"))
-        self.vertices = int(ends[-1]) if len(ends) else self.vertices
-        self.largest = max(self.largest, int(counts.max(initial=0)))
-
-    def close(self) -> dict[str, Any]:
-        """Make the files durable; returns the stream's part of the header."""
-        files = {}
-        for name, file in self.files.items():
-            file.close()
-            files[name] = {"bytes": file.bytes, "crc32": file.checksum}
-        if column := self.materials.close():
-            files["materials"] = {"bytes": column.bytes, "crc32": column.checksum}
-        return {
-            "kind": int(self.kind),
-            "count": self.count,
-            "wide": self.wide,
-            "degenerate": self.degenerate,
-            "material": self.materials.first,
-            "material_bytes": self.materials.bytes,
-            "vertices": self.vertices,
-            "largest": self.largest,
-            "files": files,
-        }
-
-    def abandon(self) -> None:
-        for file in self.files.values():
-            file.abandon()
-        self.materials.abandon()
-
-
 class SceneWriter:
     """Write a scene store, block by block.
 
@@ -214,6 +62,9 @@ class SceneWriter:
     origin : (3,) array_like, optional
         What boxes and float32 coordinates are relative to, world units. By default zero where
         the first block is float32, and the center of the first block where it is float64.
+    durable : bool
+        Whether the store outlives a loss of power once it has its name; of no use for one that is
+        removed after a render.
 
     Raises
     ------
@@ -238,12 +89,14 @@ class SceneWriter:
         *,
         dtype: Any = None,
         origin: ArrayLike | None = None,
+        durable: bool = True,
     ) -> None:
         self.path = Path(path)
         if dtype is not None and np.dtype(dtype) not in (np.float32, np.float64):
             raise SettingError(f"dtype: found {dtype!r}, expected float32, float64 or None")
         self._dtype = None if dtype is None else np.dtype(dtype)
         self._origin = None if origin is None else _triple("origin", origin)
+        self._durable = durable
         self._streams: dict[Kind, StreamWriter] = {}
         self._extent = Extent()
         self._camera: Camera | None = None
@@ -260,7 +113,7 @@ class SceneWriter:
         self._open = True
         try:
             (self._aside / "0").mkdir(parents=True)
-            self._palette = FileWriter(self._aside / PALETTE)
+            self._palette = FileWriter(self._aside / PALETTE, durable)
         except BaseException as error:
             shutil.rmtree(self._aside, ignore_errors=True)
             if isinstance(error, OSError):
@@ -374,7 +227,7 @@ class SceneWriter:
             for first in range(0, len(records), BLOCK):
                 last = first + BLOCK
                 part = indices[first:last]
-                self._append(kind, records[first:last], np.zeros(len(part), np.uint32), part)
+                self.add(self.prepare(kind, records[first:last], np.zeros_like(part), part))
 
     def append_polygons(
         self, vertices: NDArray[Any], counts: NDArray[Any], materials: ArrayLike | None = None
@@ -403,23 +256,45 @@ class SceneWriter:
             vertices, counts, indices = vertices[~in_triangle], counts[~three], indices[~three]
         if len(counts):
             with self._writing():
-                self._append(Kind.POLYGON, vertices, counts.astype(np.uint32), indices)
+                prepared = self.prepare(Kind.POLYGON, vertices, counts.astype(np.uint32), indices)
+                self.add(prepared)
 
-    def _append(
+    def prepare(
         self,
         kind: Kind,
         records: NDArray[Any],
         counts: NDArray[np.uint32],
-        indices: NDArray[np.uint32],
-    ) -> None:
+        materials: NDArray[np.uint32],
+    ) -> Prepared:
+        """What `add` will write of a block, worked out: any thread may do it, in any order.
+
+        Parameters
+        ----------
+        records : (n, scalars) float32 or float64
+            Of one kind, laid out as on disk; for polygons the vertices (m, 3).
+        counts : (n,) uint32
+            Vertices of each polygon, 4 or more; of no use for other kinds.
+        materials : (n,) uint32
+            Indices that `material` gave.
+        """
         origin = self._origin_for(records)
-        stream = self._stream(kind, records.dtype)
+        wide = self._is_wide(kind, records.dtype)
         with np.errstate(over="ignore"):  # infinity is refused
-            if stream.wide:
+            if wide:
                 data = records.astype(np.float64, copy=False)
             else:
                 data = _relative(kind, records, origin).astype(np.float32, copy=False)
-        stream.append(data, counts, indices, origin, self._extent)
+        return prepare(kind, data, counts, materials, origin)
+
+    def add(self, block: Prepared) -> None:
+        """Write a prepared block: the next objects of its kind."""
+        with self._writing():
+            if block.kind not in self._streams:
+                folder = self._aside / "0" / block.kind.label
+                self._streams[block.kind] = StreamWriter(
+                    folder, 0, block.kind, block.wide, self._durable
+                )
+            self._streams[block.kind].append(block, self._extent)
 
     def _origin_for(self, records: NDArray[Any]) -> Vector:
         """The store's origin, which the first block decides."""
@@ -432,19 +307,18 @@ class SceneWriter:
                     self._origin = _triple("center of the first block", center)
         return self._origin
 
-    def _stream(self, kind: Kind, dtype: np.dtype[Any]) -> StreamWriter:
+    def _is_wide(self, kind: Kind, dtype: np.dtype[Any]) -> bool:
+        """Whether a stream is float64, which its first block decides where nobody else does."""
+        if self._dtype is not None:
+            return bool(self._dtype == np.float64)
+        narrow = dtype == np.float32
         if kind not in self._streams:
-            wide = dtype != np.float32 or any(self._origin or ())
-            if self._dtype is not None:
-                wide = self._dtype == np.float64
-            folder = self._aside / "0" / kind.label
-            self._streams[kind] = StreamWriter(folder, 0, kind, bool(wide))
-        stream = self._streams[kind]
-        if not stream.wide and self._dtype is None and dtype != np.float32:
+            return not narrow or any(self._origin or ())
+        if not self._streams[kind].wide and not narrow:
             raise SceneError(
                 f"{kind.label}: found a block of {dtype}, expected float32 as in the first block"
             )
-        return stream
+        return self._streams[kind].wide
 
     def _material_indices(self, materials: ArrayLike | None, n: int) -> NDArray[np.uint32]:
         if materials is None:
@@ -469,9 +343,9 @@ class SceneWriter:
         self._check_open()
         try:
             header = self._header()
-            with FileWriter(self._aside / HEADER) as file:
+            with FileWriter(self._aside / HEADER, self._durable) as file:
                 file.write(header_text(header).encode())
-            for folder, _, _ in os.walk(self._aside):
+            for folder, _, _ in os.walk(self._aside) if self._durable else ():
                 sync_folder(Path(folder))
             open_store(self._aside)  # what replaces a store is whole
             self._rename()
@@ -513,7 +387,8 @@ class SceneWriter:
             if replaces:
                 self._target.rename(old)
             self._aside.rename(self._target)
-            sync_folder(self._target.parent)
+            if self._durable:
+                sync_folder(self._target.parent)
         except BaseException as error:
             self._step_back(old, replaces)
             if isinstance(error, OSError):

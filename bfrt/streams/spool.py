@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
+from bfrt.records import plain
 from bfrt.streams.aside import refused
 from bfrt.streams.writer import write_all
 
@@ -65,7 +66,8 @@ class Spool:
             raise TypeError(f"spool: found records of {records.dtype}, expected {self.dtype}")
         with self._appending:
             inside = max(0, min(len(records), len(self._memory) - self._appended))
-            self._memory[self._appended : self._appended + inside] = records[:inside]
+            memory = self._memory[self._appended : self._appended + inside]
+            plain(memory)[:] = plain(records[:inside])
             if inside < len(records):
                 self._write(np.ascontiguousarray(records[inside:]))
             self._appended += len(records)

@@ -43,10 +43,11 @@ def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) ->
 
 
 class FileWriter:
-    """A new file, with its length and CRC-32 as it grows."""
+    """A new file, with its length and CRC-32 as it grows; `durable` ones are fsynced at the end."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, durable: bool = True) -> None:
         self.path = path
+        self._durable = durable
         self.bytes = 0
         self.checksum = 0
         self._gathered = bytearray()
@@ -77,10 +78,11 @@ class FileWriter:
             self.checksum = zlib.crc32(view, self.checksum)
 
     def close(self) -> None:
-        """Make it durable."""
+        """Complete it, and make it durable where that is wanted."""
         try:
             self._flush()
-            os.fsync(self._fd)
+            if self._durable:
+                os.fsync(self._fd)
         except OSError as error:
             raise refused(self.path, self.bytes, error, "syncing") from error
         finally:

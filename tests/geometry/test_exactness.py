@@ -327,10 +327,9 @@ def test_rule_8_what_ties_is_met(tmp_path):
     assert collect(rays, 0, 1, lattice, marks, 3, slots)[0] == 3
     assert rays["voxel"][0] == 3
     for t, left in ((4.0, 1), (np.nextafter(4.0, 3.0), 0)):
-        cursor = np.array([0, 0, 1])
         rays, paths = walker(t, 3, UP)
-        settle(rays, paths, cursor, lattice, Film(1, 1, 1), np.zeros(3), np.zeros(1, HIT))
-        assert cursor[1] == left
+        film, hits = Film(1, 1, 1), np.zeros(1, HIT)
+        assert settle(rays, paths, 0, 1, lattice, film, np.zeros(3), hits)[0] == left
     # On its way in, too, when it has met an outlier.
     marks[:3] = 0
     for height, voxel in ((3.0, 3), (np.nextafter(np.float32(3.0), np.float32(0.0)), NOWHERE)):

@@ -1,0 +1,206 @@
+"""A stream's files as they grow: blocks of one kind's objects in, a column a file out.
+
+A block is prepared first, which any thread may do, and then added, in the order of the objects.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import SceneError
+from bfrt.records import INDEX_BITS, SCALARS, Kind
+from bfrt.scene._bounds import bound
+from bfrt.scene.extent import Extent
+from bfrt.scene.model import Vector
+from bfrt.streams.aside import refused
+from bfrt.streams.writer import FileWriter
+
+#: Materials that are written again at once, where they need wider integers.
+BLOCK = 65536
+
+
+class Prepared(NamedTuple):
+    """Objects of one kind as they go to disk.
+
+    Attributes
+    ----------
+    geometry : ndarray of uint8
+        Their records.
+    counts : (n,) uint32
+        Vertices of each polygon; of no use for other kinds.
+    materials : (n,) uint32
+    boxes : (n, 6) float32
+    degenerate : int
+        How many nothing can hit.
+    bad : int
+        The first that is not finite, or -1.
+    """
+
+    kind: Kind
+    wide: bool
+    geometry: NDArray[np.uint8]
+    counts: NDArray[np.uint32]
+    materials: NDArray[np.uint32]
+    boxes: NDArray[np.float32]
+    degenerate: int
+    bad: int
+
+
+def prepare(
+    kind: Kind,
+    records: NDArray[np.floating],
+    counts: NDArray[np.uint32],
+    materials: NDArray[np.uint32],
+    origin: Vector,
+) -> Prepared:
+    """Work out the boxes of records (n, scalars), or of vertices (m, 3) of n polygons."""
+    wide = records.dtype == np.float64
+    boxes = np.empty((len(materials), 6), np.float32)
+    flat = np.ascontiguousarray(records).reshape(-1).view(np.uint8)
+    degenerate, bad = bound(kind, flat, counts, wide, origin, SCALARS[kind], boxes)
+    return Prepared(kind, wide, flat, counts, materials, boxes, degenerate, bad)
+
+
+class MaterialColumn:
+    """A stream's materials in the smallest integers that fit; nothing while there is only one."""
+
+    def __init__(self, folder: Path, durable: bool) -> None:
+        self._path = folder / "materials"
+        self._durable = durable
+        self._file: FileWriter | None = None
+        self._count = 0
+        self.first = 0
+        self.bytes = 0
+
+    def append(self, materials: NDArray[np.uint32]) -> None:
+        if self._count == 0 and len(materials):
+            self.first = int(materials[0])
+        top = max(self.first, int(materials.max(initial=0)))
+        width = 1 if top < 1 << 8 else 2 if top < 1 << 16 else 4
+        if width > self.bytes and (self.bytes or not (materials == self.first).all()):
+            self._widen(width)
+        if self._file is not None:
+            self._file.write(materials.astype(f"<u{self.bytes}"))
+        self._count += len(materials)
+
+    def _widen(self, width: int) -> None:
+        """Write what there is again, in wider integers."""
+        old, old_bytes = self._file, self.bytes
+        wider = FileWriter(self._path.with_suffix(f".{width}"), self._durable)
+        self._file, self.bytes = wider, width
+        if old is None:
+            for done in range(0, self._count, BLOCK):
+                n = min(BLOCK, self._count - done)
+                wider.write(np.full(n, self.first, f"<u{width}"))
+            return
+        old.close()
+        try:
+            with old.path.open("rb") as file:
+                while block := file.read(BLOCK):
+                    wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
+            old.path.unlink()
+        except OSError as error:
+            raise refused(old.path, 0, error, "reading") from error
+
+    def close(self) -> FileWriter | None:
+        if self._file is not None:
+            self._file.close()
+            try:
+                self._file.path.rename(self._path)
+            except OSError as error:
+                raise refused(self._path, 0, error, "renaming to it") from error
+        return self._file
+
+    def abandon(self) -> None:
+        if self._file is not None:
+            self._file.abandon()
+
+
+class StreamWriter:
+    """One kind's files as they grow."""
+
+    def __init__(self, folder: Path, group: int, kind: Kind, wide: bool, durable: bool) -> None:
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            raise refused(folder, 0, error, "creating") from error
+        self.group = group
+        self.kind = kind
+        self.wide = wide
+        self.count = self.degenerate = self.vertices = self.largest = 0
+        self.materials = MaterialColumn(folder, durable)
+        names = ["geometry"]
+        if kind != Kind.SPHERE:
+            names.append("boxes")
+        if kind == Kind.POLYGON:
+            names.append("offsets")
+        self.files: dict[str, FileWriter] = {}
+        try:
+            for name in names:
+                self.files[name] = FileWriter(folder / name, durable)
+        except BaseException:
+            self.abandon()
+            raise
+
+    @property
+    def label(self) -> str:
+        return self.kind.label
+
+    def append(self, block: Prepared, extent: Extent) -> None:
+        """Add a block of this kind, of the stream's dtype."""
+        if block.bad >= 0:
+            raise SceneError(
+                f"{self.label} {self.count + block.bad}: found a number that is NaN, infinite or "
+                f"too large for float32 boxes, expected finite coordinates"
+            )
+        n = len(block.materials)
+        if "offsets" in self.files:
+            self._write_offsets(block.counts)
+        self.files["geometry"].write(block.geometry)
+        if "boxes" in self.files:
+            self.files["boxes"].write(block.boxes)
+        self.materials.append(block.materials)
+        stream = self.group * len(Kind) + self.kind
+        first = (stream << INDEX_BITS) + self.count
+        extent.add(block.boxes, np.arange(first, first + n, dtype=np.uint64))
+        self.count += n
+        self.degenerate += block.degenerate
+
+    def _write_offsets(self, counts: NDArray[np.uint32]) -> None:
+        ends = self.vertices + np.cumsum(counts, dtype=np.uint64)
+        if len(ends) and int(ends[-1]) >= 1 << 32:
+            raise SceneError(
+                f"polygon {self.count}: found more than 2^32 vertices of polygons, expected fewer"
+            )
+        self.files["offsets"].write(ends.astype("<u4"))
+        self.vertices = int(ends[-1]) if len(ends) else self.vertices
+        self.largest = max(self.largest, int(counts.max(initial=0)))
+
+    def close(self) -> dict[str, Any]:
+        """Make the files durable; returns the stream's part of the header."""
+        files = {}
+        for name, file in self.files.items():
+            file.close()
+            files[name] = {"bytes": file.bytes, "crc32": file.checksum}
+        if column := self.materials.close():
+            files["materials"] = {"bytes": column.bytes, "crc32": column.checksum}
+        return {
+            "kind": int(self.kind),
+            "count": self.count,
+            "wide": self.wide,
+            "degenerate": self.degenerate,
+            "material": self.materials.first,
+            "material_bytes": self.materials.bytes,
+            "vertices": self.vertices,
+            "largest": self.largest,
+            "files": files,
+        }
+
+    def abandon(self) -> None:
+        for file in self.files.values():
+            file.abandon()
+        self.materials.abandon()
