@@ -23,9 +23,11 @@ from bfrt.budget import parse_memory
 from bfrt.conversion import convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.image.picture import SUFFIXES
-from bfrt.rendering import render, scratch_folder
+from bfrt.rendering import at_least_one, render, scratch_folder
 from bfrt.scene.model import Camera
 from bfrt.scene.store import Store, bounds_to, open_store
+from bfrt.spd.mount import HASHES
+from bfrt.spd.recipe import SpdScene
 from bfrt.streams.aside import aside
 
 BAD_INPUT = 1
@@ -106,7 +108,10 @@ def add_render(commands: Any) -> None:
     )  # fmt: skip
     made.add_argument("--depth", type=int, default=5, metavar="N", help="hits along a path (5)")
     made.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"))
-    made.add_argument("--view", metavar="FILE", help="take the view (v) of this NFF file")
+    made.add_argument(
+        "--view", metavar="FILE|NAME",
+        help=f"take the view (v) of this NFF file, or one of: {', '.join(bfrt.spd.VIEWS)}",
+    )  # fmt: skip
     vector: dict[str, Any] = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     made.add_argument("--from", dest="eye", help="where the eye is", **vector)
     made.add_argument("--at", help="what it looks at", **vector)
@@ -128,6 +133,10 @@ def add_spd(commands: Any) -> None:
     made.add_argument("size", help="the size factor, 1 or more")
     made.add_argument("-o", "--output", metavar="DIR", help="the store to make")
     made.add_argument("--nff", metavar="FILE", help="write NFF text (- for standard output)")
+    made.add_argument(
+        "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
+    )
+    made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
 
 
 def add_info(commands: Any) -> None:
@@ -173,14 +182,25 @@ def run_render(options: argparse.Namespace) -> None:
 def run_spd(options: argparse.Namespace) -> None:
     if options.output is None and options.nff is None:
         raise SettingError("spd: nothing to make: expected -o DIR, --nff FILE or both")
-    scene = parse_spd(f"spd:{options.name}:{options.size}")
+    scene = parse_spd(f"spd:{options.name}:{options.size}", hash=options.hash)
+    threads = None if options.threads is None else at_least_one("threads", options.threads)
     if options.nff == "-":
-        scene.write_nff(sys.stdout)
+        scene.write_nff(sys.stdout, threads=threads)
     elif options.nff is not None:
-        with aside(options.nff) as path, path.open("w") as file:
-            scene.write_nff(file)
+        with (
+            aside(options.nff) as path,
+            path.open("w") as file,
+            making_bar(scene, "text", options.quiet) as progress,
+        ):
+            scene.write_nff(file, threads=threads, progress=progress)
     if options.output is not None:
-        scene.write(options.output)
+        if not options.quiet:
+            print(
+                f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes",
+                file=sys.stderr,
+            )
+        with making_bar(scene, "store", options.quiet) as progress:
+            scene.write(options.output, threads=threads, progress=progress)
 
 
 def run_info(options: argparse.Namespace) -> None:
@@ -261,7 +281,7 @@ def opened(options: argparse.Namespace) -> Iterator[Store]:
 
 def camera_of(options: argparse.Namespace, store: Store) -> Camera | None:
     """The scene's camera, or another's, with what was asked for instead."""
-    camera = store.camera if options.view is None else read_view(options.view)
+    camera = store.camera if options.view is None else view_of(options.view)
     asked = {
         "eye": options.eye and tuple(options.eye),
         "at": options.at and tuple(options.at),
@@ -275,6 +295,11 @@ def camera_of(options: argparse.Namespace, store: Store) -> Camera | None:
     if camera is None:
         raise SettingError(f"{options.input}: has no camera: expected --from and --at, or --view")
     return replace(camera, **changes)
+
+
+def view_of(name: str) -> Camera:
+    """A view by its name, or that of an NFF file."""
+    return bfrt.spd.VIEWS[name] if name in bfrt.spd.VIEWS else read_view(name)
 
 
 def wants_bar(quiet: bool) -> bool:
@@ -297,4 +322,16 @@ def reading_bar(source: str, quiet: bool) -> Iterator[Callable[[int], None] | No
     from tqdm import tqdm
 
     with tqdm(total=Path(source).stat().st_size, unit="B", unit_scale=True, desc="convert") as bar:
+        yield lambda done: bar.update(done - bar.n) and None
+
+
+@contextmanager
+def making_bar(scene: SpdScene, what: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
+    """A bar of the objects of a scene that are made, and their rate."""
+    if not wants_bar(quiet):
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=scene.objects, unit=" objects", unit_scale=True, desc=what) as bar:
         yield lambda done: bar.update(done - bar.n) and None

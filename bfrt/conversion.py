@@ -19,6 +19,8 @@ from bfrt.scene.nff import read_nff
 from bfrt.scene.store import HEADER, Store, open_store
 from bfrt.scene.writer import SceneWriter
 from bfrt.spd import scene as spd_scene
+from bfrt.spd.recipe import SpdScene
+from bfrt.workers import usable_threads
 
 SUFFIXES = (".nff",)
 
@@ -74,7 +76,7 @@ def convert(
     name = os.fspath(source)
     with SceneWriter(target, dtype=dtype, origin=(0.0, 0.0, 0.0), durable=durable) as writer:
         if name.startswith("spd:"):
-            parse_spd(name).feed(writer)
+            parse_spd(name).feed(writer, usable_threads())
         elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
             read_scene(name, writer, progress)
         else:
@@ -139,13 +141,14 @@ def read_scene(name: str, writer: SceneWriter, progress: Report | None) -> None:
         raise SceneError(f"{name}: {error}") from error
 
 
-def parse_spd(name: str) -> Any:
-    """The scene that ``spd:NAME:SIZE`` names."""
+def parse_spd(name: str, **options: str | None) -> SpdScene:
+    """The scene that ``spd:NAME:SIZE`` names, with those options that are not None."""
     _, _, rest = name.partition(":")
     scene, _, size = rest.partition(":")
-    if not size.isdigit():
+    if not (size.isascii() and size.isdigit()):
         raise SettingError(f"{name}: found size {size!r}, expected spd:NAME:SIZE, as spd:rings:7")
-    return spd_scene(scene, int(size))
+    given = {key: value for key, value in options.items() if value is not None}
+    return spd_scene(scene, int(size), **given)
 
 
 class _View:

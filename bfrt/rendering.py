@@ -22,6 +22,7 @@ from bfrt.scene.model import Camera
 from bfrt.scene.store import Store, open_store
 from bfrt.scheduler import Progress, Report, render_film
 from bfrt.stats import Stats, peak_rss
+from bfrt.workers import usable_threads
 
 log = logging.getLogger(__name__)
 
@@ -165,13 +166,6 @@ def at_least_one(name: str, value: int) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
         raise SettingError(f"{name}: found {value!r}, expected a whole number of 1 or more")
     return int(value)
-
-
-def usable_threads() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def scratch_folder(scratch: str | os.PathLike[str] | None, beside: Path) -> Path:

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import os
 import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from typing import TypeVar
+
+Given = TypeVar("Given")
+Made = TypeVar("Made")
 
 #: Called with the worker's number and a chunk [first, last).
 Task = Callable[[int, int, int], None]
@@ -60,3 +66,36 @@ class Workers:
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown()
+
+
+#: Results that wait for their turn, beside those that threads are at.
+WAITING = 2
+
+
+def ahead(make: Callable[[Given], Made], given: Iterable[Given], threads: int) -> Iterator[Made]:
+    """``map(make, given)``, with `threads` that work ahead; results come in order.
+
+    Raises
+    ------
+    Exception
+        What `make` raised, in its turn; no new work is begun after it.
+    """
+    with ThreadPoolExecutor(threads, "bfrt-ahead") as pool:
+        pending: deque[Future[Made]] = deque()
+        try:
+            for thing in given:
+                pending.append(pool.submit(make, thing))
+                if len(pending) >= threads + WAITING:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            for future in pending:
+                future.cancel()
+
+
+def usable_threads() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

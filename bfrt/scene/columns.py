@@ -24,7 +24,7 @@ BLOCK = 65536
 
 
 class Prepared(NamedTuple):
-    """Objects of one kind as they go to disk.
+    """Objects of one kind as they go to disk; the arrays are nobody else's.
 
     Attributes
     ----------
@@ -52,15 +52,18 @@ class Prepared(NamedTuple):
 
 def prepare(
     kind: Kind,
-    records: NDArray[np.floating],
+    records: NDArray[Any],
     counts: NDArray[np.uint32],
     materials: NDArray[np.uint32],
     origin: Vector,
 ) -> Prepared:
-    """Work out the boxes of records (n, scalars), or of vertices (m, 3) of n polygons."""
+    """Work out the boxes of records (n, scalars), or of vertices (m, 3) of n polygons.
+
+    The records, C-contiguous, are kept as they are.
+    """
     wide = records.dtype == np.float64
     boxes = np.empty((len(materials), 6), np.float32)
-    flat = np.ascontiguousarray(records).reshape(-1).view(np.uint8)
+    flat = records.reshape(-1).view(np.uint8)
     degenerate, bad = bound(kind, flat, counts, wide, origin, SCALARS[kind], boxes)
     return Prepared(kind, wide, flat, counts, materials, boxes, degenerate, bad)
 
@@ -84,7 +87,7 @@ class MaterialColumn:
         if width > self.bytes and (self.bytes or not (materials == self.first).all()):
             self._widen(width)
         if self._file is not None:
-            self._file.write(materials.astype(f"<u{self.bytes}"))
+            self._file.write(materials.astype(f"<u{self.bytes}"), kept=True)
         self._count += len(materials)
 
     def _widen(self, width: int) -> None:
@@ -160,9 +163,9 @@ class StreamWriter:
         n = len(block.materials)
         if "offsets" in self.files:
             self._write_offsets(block.counts)
-        self.files["geometry"].write(block.geometry)
+        self.files["geometry"].write(block.geometry, kept=True)
         if "boxes" in self.files:
-            self.files["boxes"].write(block.boxes)
+            self.files["boxes"].write(block.boxes, kept=True)
         self.materials.append(block.materials)
         stream = self.group * len(Kind) + self.kind
         first = (stream << INDEX_BITS) + self.count

@@ -280,10 +280,9 @@ class SceneWriter:
         origin = self._origin_for(records)
         wide = self._is_wide(kind, records.dtype)
         with np.errstate(over="ignore"):  # infinity is refused
-            if wide:
-                data = records.astype(np.float64, copy=False)
-            else:
-                data = _relative(kind, records, origin).astype(np.float32, copy=False)
+            if not wide:
+                records = _relative(kind, records, origin)
+            data = records.astype(np.float64 if wide else np.float32, order="C")
         return prepare(kind, data, counts, materials, origin)
 
     def add(self, block: Prepared) -> None:

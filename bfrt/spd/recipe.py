@@ -1,36 +1,36 @@
 """What the scenes of the Standard Procedural Databases have in common.
 
 A scene is a recipe: it knows its size and its counts at once, and makes its objects block by
-block, in the order in which the package (E. Haines, SPD 3) writes them. Positions are computed in
-float64 and handed out as float32.
+block, in the order in which the package (E. Haines, SPD 3) writes them. Positions are float64, as
+the package computes them before it prints six digits; a store keeps them as float32.
 """
 
 from __future__ import annotations
 
 import abc
-import itertools
+import errno
 import math
 import operator
 import os
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from bfrt.errors import SettingError
-from bfrt.records import Kind
+from bfrt.errors import Cancelled, DiskFullError, SettingError
+from bfrt.records import BOX_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene.model import Camera, Light, Material, Vector
 from bfrt.scene.store import Store, open_store
 from bfrt.scene.writer import SceneWriter
+from bfrt.spd._text import lines
+from bfrt.streams.aside import refused
+from bfrt.workers import ahead, usable_threads
 
-BLOCK_OBJECTS = 1 << 16
-
-#: A line of NFF per kind; a polygon's depends on its number of vertices.
-NFF_LINES = {
-    Kind.SPHERE: "s %g %g %g %g\n",
-    Kind.CONE: "c %g %g %g %g %g %g %g %g\n",
-}
+#: Objects of a block: 66,430 balls are the largest part of a tree of balls that is near 2^16.
+BLOCK_OBJECTS = 70_000
 
 
 class Part(NamedTuple):
@@ -40,7 +40,7 @@ class Part(NamedTuple):
     ----------
     kind : Kind
         Which primitive.
-    records : ndarray of float32, shape (n, SCALARS[kind])
+    records : ndarray of float32 or float64, shape (n, SCALARS[kind])
         One object a row; for polygons one vertex a row.
     materials : ndarray of uint32, shape (n,)
         Indices into the scene's `materials`.
@@ -51,13 +51,22 @@ class Part(NamedTuple):
     """
 
     kind: Kind
-    records: npt.NDArray[np.float32]
+    records: npt.NDArray[Any]
     materials: npt.NDArray[np.uint32]
     places: npt.NDArray[np.int64]
     counts: npt.NDArray[np.int64] | None = None
 
 
 Block = tuple[Part, ...]
+
+#: The dtype of coordinates: float64 is computed in any case, float32 is half the way to a store.
+Scalar = type[np.float32] | type[np.float64]
+
+#: Makes a block; any thread may do it.
+Task = Callable[[Scalar], Block]
+
+#: Called with the objects that are done; returning False cancels.
+Report = Callable[[int], object]
 
 
 class Sink(Protocol):
@@ -71,16 +80,15 @@ class Sink(Protocol):
 
     def material(self, material: Material) -> int: ...
 
-    def append(
-        self, kind: Kind, records: npt.NDArray[np.float32], materials: npt.NDArray[np.uint32]
-    ) -> Any: ...
-
-    def append_polygons(
+    def prepare(
         self,
-        vertices: npt.NDArray[np.float32],
-        counts: npt.NDArray[np.int64],
+        kind: Kind,
+        records: npt.NDArray[Any],
+        counts: npt.NDArray[np.uint32],
         materials: npt.NDArray[np.uint32],
     ) -> Any: ...
+
+    def add(self, block: Any) -> Any: ...
 
 
 class TextFile(Protocol):
@@ -116,50 +124,135 @@ class SpdScene(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def objects(self) -> int:
-        """How many objects the scene has, all kinds together."""
+    def counts(self) -> dict[Kind, int]:
+        """How many objects of each kind the scene has."""
+
+    @property
+    def vertices(self) -> int:
+        """How many vertices its polygons have."""
+        return 0
 
     @abc.abstractmethod
-    def blocks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Block]:
-        """The objects, in blocks of about `limit` at most, in the package's order."""
+    def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
+        """What makes the objects, in blocks of about `limit` at most, in the package's order."""
 
-    def feed(self, writer: Sink) -> None:
-        """Give the whole scene to a writer, block by block."""
-        writer.camera(self.camera)
+    @property
+    def objects(self) -> int:
+        """How many objects the scene has, all kinds together."""
+        return sum(self.counts.values())
+
+    @property
+    def store_bytes(self) -> int:
+        """What its store takes on disk, without the header; known before anything is made."""
+        width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
+        total = len(self.materials) * MATERIAL_BYTES
+        for kind, count in self.counts.items():
+            records = self.vertices if kind == Kind.POLYGON else count
+            total += records * SCALARS[kind] * 4 + count * width
+            total += 0 if kind == Kind.SPHERE else count * BOX_BYTES
+            total += count * OFFSET_BYTES if kind == Kind.POLYGON else 0
+        return total
+
+    def blocks(self, limit: int = BLOCK_OBJECTS, dtype: Scalar = np.float64) -> Iterator[Block]:
+        """The objects, block by block, in the package's order."""
+        return (task(dtype) for task in self.tasks(limit))
+
+    def feed(self, sink: Sink, threads: int = 1, progress: Report | None = None) -> None:
+        """Give the whole scene to a writer, block by block; blocks are made by all threads.
+
+        Raises
+        ------
+        Cancelled
+            If `progress` returned False.
+        """
+        sink.camera(self.camera)
         for light in self.lights:
-            writer.light(light)
-        writer.background(self.background)
-        numbers = np.array([writer.material(m) for m in self.materials], dtype=np.uint32)
-        for part in itertools.chain.from_iterable(self.blocks()):
-            if part.counts is None:
-                writer.append(part.kind, part.records, numbers[part.materials])
-            else:
-                writer.append_polygons(part.records, part.counts, numbers[part.materials])
+            sink.light(light)
+        sink.background(self.background)
+        numbers = np.array([sink.material(m) for m in self.materials], dtype=np.uint32)
 
-    def write(self, path: str | os.PathLike[str]) -> Store:
-        """Write the scene as a scene store, float32; returns it, opened."""
+        def prepare(task: Task) -> tuple[int, list[Any]]:
+            parts = [part for part in task(np.float32) if len(part.materials)]
+            prepared = [
+                sink.prepare(part.kind, part.records, _counts(part), numbers[part.materials])
+                for part in parts
+            ]
+            return sum(len(part.materials) for part in parts), prepared
+
+        done = 0
+        for objects, prepared in ahead(prepare, self.tasks(), threads):
+            for block in prepared:
+                sink.add(block)
+            done += objects
+            if progress is not None and progress(done) is False:
+                raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        threads: int | None = None,
+        progress: Report | None = None,
+    ) -> Store:
+        """Write the scene as a scene store, float32; returns it, opened.
+
+        Parameters
+        ----------
+        path : path-like
+            The store to make.
+        threads : int, optional
+            That make blocks; by default all cores that this process may use.
+        progress : callable, optional
+            Called with the objects written so far; returning False cancels.
+
+        Raises
+        ------
+        DiskFullError
+            If the disk has less room than the store takes: before anything is written.
+        Cancelled
+            If `progress` returned False. Nothing is left behind.
+        """
+        check_room(path, self.store_bytes)
         with SceneWriter(path, dtype=np.float32, origin=(0.0, 0.0, 0.0)) as writer:
-            self.feed(writer)
+            self.feed(writer, usable_threads() if threads is None else threads, progress)
         return open_store(path)
 
-    def write_nff(self, file: TextFile) -> None:
+    def write_nff(
+        self, file: TextFile, *, threads: int | None = None, progress: Report | None = None
+    ) -> None:
         """Write the scene as NFF text, as the package does.
 
         Parameters
         ----------
         file : text file
             Open for writing. Numbers have six digits, as C's %g gives them.
+        threads, progress
+            As for `write`.
         """
         file.write(_head(self.background, self.camera, self.lights))
-        fills = [_fill(material) for material in self.materials]
-        current = -1
-        for block in self.blocks():
-            lines, materials = _lines(block)
-            changed = np.flatnonzero(np.diff(materials, prepend=current))
-            for place in changed.tolist():
-                lines[place] = fills[materials[place]] + lines[place]
-            current = int(materials[-1])
-            file.write("".join(lines))
+        fills = [self.fill(number).encode() for number in range(len(self.materials))]
+
+        def text(task: Task) -> tuple[_Ordered, str]:
+            block = _ordered(task(np.float64))
+            # The first object's material is named; whether it has to be, the one before it tells.
+            return block, _text(block, fills, -1)
+
+        current, done = -1, 0
+        count = usable_threads() if threads is None else threads
+        for block, written in ahead(text, self.tasks(), count):
+            if not len(block.materials):
+                continue
+            same = int(block.materials[0]) == current
+            file.write(written[len(fills[current]) :] if same else written)
+            current = int(block.materials[-1])
+            done += len(block.materials)
+            if progress is not None and progress(done) is False:
+                raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
+
+    def fill(self, material: int) -> str:
+        """What names a material where it changes."""
+        m = self.materials[material]
+        return f"f {_numbers(*m.color, *m[1:])}\n"
 
     def __repr__(self) -> str:
         return f"<bfrt.spd.{self.name}({self.size}), {self.objects} objects>"
@@ -192,32 +285,73 @@ def _head(background: Vector, camera: Camera, lights: tuple[Light, ...]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _fill(material: Material) -> str:
-    return f"f {_numbers(*material.color, *material[1:])}\n"
-
-
 def _numbers(*values: float) -> str:
     return " ".join(f"{value:g}" for value in values)
 
 
-def _lines(block: Block) -> tuple[list[str], npt.NDArray[np.int64]]:
-    """Each object's text, and its material, in the package's order."""
-    total = sum(len(part.materials) for part in block)
-    lines = [""] * total
-    materials = np.empty(total, dtype=np.int64)
-    for part in block:
-        materials[part.places] = part.materials
-        for place, text in zip(part.places.tolist(), _texts(part), strict=True):
-            lines[place] = text
-    return lines, materials
+def square(half: float, z: float, dtype: Scalar) -> Block:
+    """A level square about the z axis, of the scene's first material."""
+    corners = [(half, half, z), (-half, half, z), (-half, -half, z), (half, -half, z)]
+    part = Part(
+        Kind.POLYGON,
+        np.array(corners, dtype),
+        materials=np.zeros(1, dtype=np.uint32),
+        places=np.zeros(1, dtype=np.int64),
+        counts=np.array([len(corners)], dtype=np.int64),
+    )
+    return (part,)
 
 
-def _texts(part: Part) -> list[str]:
-    """The text of each object: one call formats the part, which no loop in Python could match."""
+def check_room(path: str | os.PathLike[str], needed: int) -> None:
+    """Refuse what the disk has no room for, before it is begun."""
+    folder = Path(os.path.realpath(path)).parent
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        raise refused(folder, 0, error, "examining") from error
+    if free < needed:
+        raise DiskFullError(path, 0, errno.ENOSPC, f"writing {needed} bytes where {free} are free,")
+
+
+def _counts(part: Part) -> npt.NDArray[np.uint32]:
     if part.counts is None:
-        layouts = [NFF_LINES[part.kind]] * len(part.records)
-    else:
-        layouts = [f"p {n}\n" + "%g %g %g\n" * n for n in part.counts.tolist()]
-    # NUL ends an object, as lines may end within one.
-    text = "\0".join(layouts) % tuple(part.records.ravel().tolist())
-    return text.split("\0")
+        return np.zeros(len(part.materials), np.uint32)
+    return part.counts.astype(np.uint32)
+
+
+class _Ordered(NamedTuple):
+    """A block's objects in the package's order: which part each is in, and where."""
+
+    parts: Block
+    owner: npt.NDArray[np.int64]
+    place: npt.NDArray[np.int64]
+    materials: npt.NDArray[np.uint32]
+
+
+def _ordered(block: Block) -> _Ordered:
+    total = sum(len(part.materials) for part in block)
+    owner, index = np.empty(total, np.int64), np.empty(total, np.int64)
+    materials = np.empty(total, np.uint32)
+    for number, part in enumerate(block):
+        owner[part.places] = number
+        index[part.places] = np.arange(len(part.places))
+        materials[part.places] = part.materials
+    return _Ordered(block, owner, index, materials)
+
+
+def _text(block: _Ordered, fills: list[bytes], current: int) -> str:
+    return lines(
+        [part.kind for part in block.parts],
+        [np.ascontiguousarray(part.records).reshape(-1) for part in block.parts],
+        [_starts(part) for part in block.parts],
+        block.owner,
+        block.place,
+        block.materials,
+        fills,
+        current,
+    ).decode("ascii")
+
+
+def _starts(part: Part) -> npt.NDArray[np.int64]:
+    counts = np.zeros(0, np.int64) if part.counts is None else part.counts
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, SpdScene, phong_power
+from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
 
 RADIUS = 0.07412
 #: Between layers. It makes the pyramid's sides lean as those of a 45 degree view do.
@@ -60,25 +61,29 @@ class Rings(SpdScene):
     )
 
     @property
-    def objects(self) -> int:
-        """The wall, and 60 objects for each of 1 + 4 + 9 + ... + size x size elements."""
-        elements = self.size * (self.size + 1) * (2 * self.size + 1) // 6
-        return OBJECTS * elements + 1
+    def counts(self) -> dict[Kind, int]:
+        """30 joints for each of 1 + 4 + 9 + ... + size x size elements, and the wall."""
+        joints = JOINTS * self.size * (self.size + 1) * (2 * self.size + 1) // 6
+        return {Kind.CONE: joints, Kind.SPHERE: joints, Kind.POLYGON: 1}
 
-    def blocks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Block]:
+    @property
+    def vertices(self) -> int:
+        return 4
+
+    def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
         """The wall, then the layers from the tip: cones and spheres of up to `limit` objects.
 
         An element is never cut, so that a block has 60 objects at least.
         """
-        yield (self._wall(),)
+        yield self._wall
         joints = element_joints()
         step = max(1, limit // OBJECTS)
         for layer in range(1, self.size + 1):
             elements = layer * layer
             for first in range(0, elements, step):
-                yield _elements(joints, layer, first, min(first + step, elements))
+                yield partial(_elements, joints, layer, first, min(first + step, elements))
 
-    def _wall(self) -> Part:
+    def _wall(self, dtype: Scalar) -> Block:
         """A square behind the last layer that fills the view and 1 % more."""
         y = DISTANCE * (self.size + 1)
         half = 1.01 * (y - EYE[1]) * math.tan(math.pi / 8)
@@ -86,13 +91,14 @@ class Rings(SpdScene):
             (EYE[0] + x * half, y, EYE[2] + z * half)
             for x, z in ((1, 1), (-1, 1), (-1, -1), (1, -1))
         ]
-        return Part(
+        part = Part(
             Kind.POLYGON,
-            np.array(corners, dtype=np.float32),
+            np.array(corners, dtype),
             materials=np.zeros(1, dtype=np.uint32),
             places=np.zeros(1, dtype=np.int64),
             counts=np.array([len(corners)], dtype=np.int64),
         )
+        return (part,)
 
 
 def element_joints() -> npt.NDArray[np.float64]:
@@ -118,19 +124,21 @@ def _rotated(
     return turned
 
 
-def _elements(joints: npt.NDArray[np.float64], layer: int, first: int, end: int) -> Block:
+def _elements(
+    joints: npt.NDArray[np.float64], layer: int, first: int, end: int, dtype: Scalar
+) -> Block:
     """The elements `first` to `end` of a layer: a cylinder and a sphere for each joint."""
     index = np.arange(first, end, dtype=np.int64)
     offsets = np.empty((len(index), 1, 3))
     offsets[:, 0, 0] = 2 * (index % layer) - (layer - 1)
     offsets[:, 0, 1] = DISTANCE * layer
     offsets[:, 0, 2] = 2 * (index // layer) - (layer - 1)
-    spheres = np.empty((len(index), JOINTS, 4), dtype=np.float32)
+    spheres = np.empty((len(index), JOINTS, 4), dtype)
     spheres[..., :3] = joints + offsets
     spheres[..., 3] = RADIUS
     # A cylinder ends at the joint before its own, in its ring.
     rings = spheres.reshape(-1, RING, 4)
-    cones = np.empty((len(rings), RING, 8), dtype=np.float32)
+    cones = np.empty((len(rings), RING, 8), dtype)
     cones[..., :4] = rings
     cones[:, 0, 4:] = rings[:, -1]
     cones[:, 1:, 4:] = rings[:, :-1]

@@ -1,9 +1,16 @@
-"""Writing files of records: complete or an exception, counted and summed on the way."""
+"""Writing files of records: complete or an exception, counted and summed on the way.
+
+A file's bytes are gathered in one of two buffers, while a thread sums and writes the other. What
+has to be durable is synced on the way too, so that the disk works while there is more to make.
+"""
 
 from __future__ import annotations
 
+import errno
+import mmap
 import os
 import zlib
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,13 +22,24 @@ from bfrt.streams.aside import refused
 
 Data = bytes | bytearray | memoryview | NDArray[Any]
 
-#: What is gathered from small writes before the system is asked.
-GATHER_BYTES = 1 << 18
+#: Bytes of a buffer; a file has two, which take memory as they fill.
+BUFFER_BYTES = 1 << 22
+
+#: The least that is worth handing over by itself.
+KEPT_BYTES = 1 << 18
+
+#: Bytes of a durable file after which it is synced on the way.
+SYNCED_BYTES = 1 << 25
+
+#: Threads that write, and that sync, for all files.
+WRITERS = ThreadPoolExecutor(2, "bfrt-write")
+SYNCERS = ThreadPoolExecutor(2, "bfrt-sync")
 
 
 def view_of(data: Data) -> memoryview:
-    """The memory of `data`, uncopied."""
-    return data.data if isinstance(data, np.ndarray) else memoryview(data)
+    """The bytes of `data`, uncopied."""
+    view = data.data if isinstance(data, np.ndarray) else memoryview(data)
+    return view.cast("B") if view.nbytes else memoryview(b"")
 
 
 def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) -> int:
@@ -32,7 +50,7 @@ def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) ->
     DiskFullError, StreamError
         If the system refuses.
     """
-    view = view_of(data).cast("B")
+    view = view_of(data)
     done = 0
     while done < len(view):
         try:
@@ -43,44 +61,80 @@ def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) ->
 
 
 class FileWriter:
-    """A new file, with its length and CRC-32 as it grows; `durable` ones are fsynced at the end."""
+    """A new file, with its length and CRC-32; `durable` ones are fsynced at the end.
+
+    What the system refuses is raised by a later `write`, or by `close`.
+    """
 
     def __init__(self, path: Path, durable: bool = True) -> None:
         self.path = path
-        self._durable = durable
         self.bytes = 0
         self.checksum = 0
-        self._gathered = bytearray()
+        self._durable = durable
+        self._written = 0
+        self._filled = 0
+        self._unsynced = 0
+        self._pending: Future[None] | None = None
+        self._syncing: Future[None] | None = None
+        self._buffers = [mmap.mmap(-1, BUFFER_BYTES), mmap.mmap(-1, BUFFER_BYTES)]
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
         except OSError as error:
             raise refused(path, 0, error, "creating") from error
 
-    def write(self, data: Data) -> None:
-        """Append `data` (C-contiguous)."""
+    def write(self, data: Data, *, kept: bool = False) -> None:
+        """Append `data` (C-contiguous); of what is `kept` as it is no copy is made."""
+        if self._fd < 0:
+            raise refused(self.path, self.bytes, OSError(errno.EBADF, ""), "writing")
         view = view_of(data)
-        if view.nbytes < GATHER_BYTES:
-            self._gathered += view
-            if len(self._gathered) >= GATHER_BYTES:
-                self._flush()
-        else:
+        self.bytes += len(view)
+        if kept and len(view) >= KEPT_BYTES:
             self._flush()
-            self._put(view)
+            self._hand_over(view)
+            return
+        while len(view):
+            n = min(len(view), BUFFER_BYTES - self._filled)
+            self._buffers[0][self._filled : self._filled + n] = view[:n]
+            self._filled += n
+            view = view[n:]
+            if self._filled == BUFFER_BYTES:
+                self._flush()
 
     def _flush(self) -> None:
-        self._put(self._gathered)
-        self._gathered = bytearray()
+        """Have the buffer written, and go on with the other, when that is written."""
+        if self._filled:
+            self._hand_over(memoryview(self._buffers[0])[: self._filled])
+            self._buffers.reverse()
+            self._filled = 0
 
-    def _put(self, data: Data) -> None:
-        view = view_of(data)
-        if view.nbytes:
-            self.bytes += write_all(self._fd, view, self.path, self.bytes)
-            self.checksum = zlib.crc32(view, self.checksum)
+    def _hand_over(self, data: memoryview) -> None:
+        self._wait()
+        self._pending = WRITERS.submit(self._put, data)
+
+    def _put(self, data: memoryview) -> None:
+        self.checksum = zlib.crc32(data, self.checksum)
+        self._written += write_all(self._fd, data, self.path, self._written)
+        self._unsynced += len(data)
+        if self._durable and self._unsynced >= SYNCED_BYTES:
+            if self._syncing is not None:
+                self._syncing.result()
+            self._syncing = SYNCERS.submit(os.fsync, self._fd)
+            self._unsynced = 0
+
+    def _wait(self) -> None:
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.result()
 
     def close(self) -> None:
         """Complete it, and make it durable where that is wanted."""
+        if self._fd < 0:
+            return
         try:
             self._flush()
+            self._wait()
+            if self._syncing is not None:
+                self._syncing.result()
             if self._durable:
                 os.fsync(self._fd)
         except OSError as error:
@@ -89,7 +143,11 @@ class FileWriter:
             self.abandon()
 
     def abandon(self) -> None:
-        """Close without a promise."""
+        """Close without a promise, when nobody writes any more."""
+        for busy in (self._pending, self._syncing):
+            if busy is not None:
+                busy.exception()
+        self._pending = self._syncing = None
         fd, self._fd = self._fd, -1
         if fd >= 0:
             os.close(fd)

@@ -767,13 +767,20 @@ def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
     assert path.exists() == replaces
 
 
-def test_what_the_disk_lost_replaces_nothing(folder):
+def test_what_the_disk_lost_replaces_nothing(folder, monkeypatch):
     path = folder / "a.bfrt"
     SceneWriter(path).close()
     old = contents(path)
     writer = SceneWriter(path)
     writer.spheres(np.zeros((100_000, 3), np.float32), 1)
-    os.truncate(writer._aside / "0" / "sphere" / "geometry", 10)
+    real = writer_module.FileWriter.close
+
+    def lost(self):
+        real(self)
+        if self.path.name == "geometry":
+            os.truncate(self.path, 10)
+
+    monkeypatch.setattr(writer_module.FileWriter, "close", lost)
     with pytest.raises(StoreError, match="truncated"):
         writer.close()
     assert contents(path) == old

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import io
+import threading
+from functools import partial
 
 import numpy as np
 import pytest
 
+import bfrt
+from bfrt.errors import Cancelled, DiskFullError
 from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material
 from bfrt.spd.recipe import Part, SpdScene, phong_power
+
+PLACE = np.zeros(1, np.int64)
 
 
 class Row(SpdScene):
@@ -22,17 +28,25 @@ class Row(SpdScene):
     materials = (Material((1.0, 0.0, 0.0)), Material((0.0, 1.0, 0.0)))
 
     @property
-    def objects(self):
-        return self.size + 1
+    def counts(self):
+        return {Kind.SPHERE: self.size, Kind.POLYGON: 1}
 
-    def blocks(self, limit=1):
-        place = np.zeros(1, np.int64)
+    @property
+    def vertices(self):
+        return 5
+
+    def tasks(self, limit=1):
         for x in range(self.size):
-            records = np.array([[x, 0, 0, 0.5]], np.float32)
-            yield (Part(Kind.SPHERE, records, np.array([x == self.size - 1], np.uint32), place),)
-        corners = np.arange(15, dtype=np.float32).reshape(5, 3)
-        counts = np.array([5], np.int64)
-        yield (Part(Kind.POLYGON, corners, np.ones(1, np.uint32), place, counts),)
+            yield partial(self.sphere, x)
+        yield self.pentagon
+
+    def sphere(self, x, dtype):
+        records = np.array([[x, 0, 0, 0.5]], dtype)
+        return (Part(Kind.SPHERE, records, np.array([x == self.size - 1], np.uint32), PLACE),)
+
+    def pentagon(self, dtype):
+        corners = np.arange(15, dtype=dtype).reshape(5, 3)
+        return (Part(Kind.POLYGON, corners, np.ones(1, np.uint32), PLACE, np.array([5])),)
 
 
 def test_text_names_a_material_only_where_it_changes_across_blocks_too():
@@ -67,3 +81,59 @@ def test_text_names_a_material_only_where_it_changes_across_blocks_too():
 )
 def test_phong_power_halves_the_highlight(degrees, power):
     assert phong_power(degrees) == pytest.approx(power, rel=1e-12)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_threads_change_nothing(threads, tmp_path):
+    one, other = io.StringIO(), io.StringIO()
+    Row(40).write_nff(one, threads=1)
+    Row(40).write_nff(other, threads=threads)
+    assert one.getvalue() == other.getvalue()
+    stores = [Row(40).write(tmp_path / f"{n}.bfrt", threads=n) for n in (1, threads)]
+    assert stores[0].checksum == stores[1].checksum
+
+
+def test_what_a_store_takes_is_known_beforehand(tmp_path):
+    store = Row(5).write(tmp_path / "row.bfrt")
+    files = [f for f in (tmp_path / "row.bfrt").rglob("*") if f.is_file()]
+    on_disk = sum(f.stat().st_size for f in files if f.name != "scene.json")
+    assert 0 <= Row(5).store_bytes - on_disk <= store.objects  # one material takes no bytes
+    assert store.objects == Row(5).objects == 6
+
+
+def test_a_disk_without_room_is_refused_before_anything_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda path: type("", (), {"free": 10})())
+    needed = Row(5).store_bytes
+    with pytest.raises(DiskFullError, match=f"writing {needed} bytes where 10 are free"):
+        Row(5).write(tmp_path / "row.bfrt")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_counts_objects_and_cancels(tmp_path):
+    seen = []
+    Row(3).write(tmp_path / "row.bfrt", progress=seen.append)
+    assert seen == [1, 2, 3, 4]
+    with pytest.raises(Cancelled, match="cancelled with 2 of 4 objects written"):
+        Row(3).write(tmp_path / "other.bfrt", progress=lambda done: done < 2)
+    with pytest.raises(Cancelled):
+        Row(3).write_nff(io.StringIO(), progress=lambda done: False)
+    assert [path.name for path in tmp_path.iterdir()] == ["row.bfrt"]
+
+
+def test_a_failure_in_a_thread_is_the_callers(tmp_path):
+    class Broken(Row):
+        def pentagon(self, dtype):
+            raise ArithmeticError(threading.current_thread().name)
+
+    with pytest.raises(ArithmeticError, match="bfrt-ahead"):
+        Broken(3).write(tmp_path / "row.bfrt", threads=2)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_text_comes_back_as_the_scene(tmp_path):
+    path = tmp_path / "row.nff"
+    with path.open("w") as file:
+        Row(7).write_nff(file)
+    store = bfrt.convert(path, tmp_path / "row.bfrt")
+    assert store.camera == Row.camera
+    assert {s.kind: s.count for s in store.streams} == Row(7).counts

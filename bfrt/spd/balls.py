@@ -1,0 +1,161 @@
+"""SPD's balls: a sphere with nine smaller ones on it, each with nine on it, over a square floor.
+
+A sphere of depth d has 9^d descendants in the last generation; the package writes a sphere, then
+each child with all that hangs on it. So the scene of size n is 1 + 9 + ... + 9^n spheres, and the
+floor. Children sit at the same nine directions, turned with the way from grandparent to parent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from bfrt.records import Kind
+from bfrt.scene.model import Camera, Light, Material
+from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
+
+CHILDREN = 9
+RADIUS = 0.5
+#: Of a child, in radii of its parent.
+RATIO = 1.0 / 3.0
+#: A direction whose z is nearer to 1 than this counts as the z axis.
+UPRIGHT = 0.9999
+
+
+class Ball(NamedTuple):
+    """A sphere with all that hangs on it: (3,) center and direction from its parent, radius."""
+
+    center: npt.NDArray[np.float64]
+    direction: npt.NDArray[np.float64]
+    radius: float
+
+
+class Balls(SpdScene):
+    """The balls of `size` generations."""
+
+    name = "balls"
+    camera = Camera(eye=(2.1, 1.3, 1.7), at=(0.0, 0.0, 0.0), angle=45.0, hither=0.01)
+    lights = (Light((4.0, 3.0, 2.0)), Light((1.0, -4.0, 4.0)), Light((-3.0, 1.0, 5.0)))
+    background = (0.078, 0.361, 0.753)
+    #: The floor's and the balls'.
+    materials = (
+        Material((1.0, 0.75, 0.33), kd=0.8, ks=0.0, shine=phong_power(0.0), ior=1.0),
+        Material((1.0, 0.9, 0.7), kd=0.5, ks=0.5, shine=phong_power(37.0), ior=1.0),
+    )
+
+    @property
+    def counts(self) -> dict[Kind, int]:
+        return {Kind.SPHERE: descendants(self.size), Kind.POLYGON: 1}
+
+    @property
+    def vertices(self) -> int:
+        return 4
+
+    def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
+        """The floor, then parts of the tree that have up to `limit` balls."""
+        yield partial(square, 12.0, -0.5)
+        root = Ball(np.zeros(3), np.array([0.0, 0.0, 1.0]), RADIUS)
+        yield from _tasks(root, self.size, limit)
+
+
+def descendants(depth: int) -> int:
+    """Balls of a part whose last generation is `depth` below its first."""
+    return int((CHILDREN ** (depth + 1) - 1) // (CHILDREN - 1))
+
+
+def _tasks(ball: Ball, depth: int, limit: int) -> Iterator[Task]:
+    if depth == 0 or descendants(depth) <= limit:
+        yield partial(_part, ball, depth)
+        return
+    yield partial(_part, ball, 0)
+    centers, directions = _children(ball.center[None], ball.direction[None], ball.radius)
+    for center, direction in zip(centers[0], directions[0], strict=True):
+        yield from _tasks(Ball(center, direction, ball.radius * RATIO), depth - 1, limit)
+
+
+def _part(ball: Ball, depth: int, dtype: Scalar) -> Block:
+    """A ball and `depth` generations on it, in the package's order: generation by generation,
+    each written to the places that its balls have."""
+    records = np.empty((descendants(depth), 4), dtype)
+    centers, directions, radius = ball.center[None], ball.direction[None], ball.radius
+    places = np.zeros(1, np.int64)
+    for below in range(depth, -1, -1):
+        records[places, :3] = centers
+        records[places, 3] = radius
+        if below:
+            centers, directions = _children(centers, directions, radius)
+            centers, directions = centers.reshape(-1, 3), directions.reshape(-1, 3)
+            after = 1 + descendants(below - 1) * np.arange(CHILDREN)
+            places = (places[:, None] + after).reshape(-1)
+            radius *= RATIO
+    materials = np.ones(len(records), np.uint32)
+    return (Part(Kind.SPHERE, records, materials, np.arange(len(records))),)
+
+
+def _children(
+    centers: npt.NDArray[np.float64], directions: npt.NDArray[np.float64], radius: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Centers and directions (n, 9, 3) of the children of n balls of one radius."""
+    turned = np.matmul(OFFSETS, _turns(directions))
+    scale = radius * (1.0 + RATIO)
+    return centers[:, None] + turned * scale, turned
+
+
+def _turns(directions: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Matrices (n, 3, 3) that turn the z axis, as a row, to directions (n, 3).
+
+    About the axis across both; half about y where the direction is -z.
+    """
+    x, y, cosine = directions.T
+    sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
+    across = np.hypot(x, y)
+    across[across == 0.0] = 1.0
+    ax, ay = -y / across, x / across
+    turns = np.empty((len(directions), 3, 3))
+    turns[:, 0, 0] = ax * ax + (1.0 - ax * ax) * cosine
+    turns[:, 1, 1] = ay * ay + (1.0 - ay * ay) * cosine
+    turns[:, 2, 2] = cosine
+    turns[:, 0, 1] = turns[:, 1, 0] = ax * ay * (1.0 - cosine)
+    turns[:, 0, 2] = -ay * sine
+    turns[:, 1, 2] = ax * sine
+    turns[:, 2, 0] = ay * sine
+    turns[:, 2, 1] = -ax * sine
+    turns[cosine >= UPRIGHT] = np.eye(3)
+    turns[cosine <= -UPRIGHT] = np.diag([-1.0, 1.0, -1.0])
+    return turns
+
+
+def _offsets() -> npt.NDArray[np.float64]:
+    """The nine directions of children about +z, (9, 3): three trios, a third of a turn apart."""
+    d = 1.0 / math.sqrt(2.0)
+    trio = np.array([(d, d, 0.0), (d, 0.0, -d), (0.0, d, -d)])
+    # Three neighbors of a close packing, tilted about (1, -1, 0) until the last two lie flat.
+    angle = math.asin(2.0 / math.sqrt(6.0))
+    a, c, s = d, math.cos(angle), math.sin(angle)
+    tilt = np.array(
+        [
+            [a * a + (1.0 - a * a) * c, -a * a * (1.0 - c), a * s],
+            [-a * a * (1.0 - c), a * a + (1.0 - a * a) * c, a * s],
+            [-a * s, -a * s, c],
+        ]
+    )
+    third = 2.0 * math.pi / 3.0
+    turns = [
+        np.array(
+            [
+                [math.cos(k * third), math.sin(k * third), 0.0],
+                [-math.sin(k * third), math.cos(k * third), 0.0],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        for k in range(3)
+    ]
+    return np.concatenate([trio @ tilt @ turn for turn in turns])
+
+
+OFFSETS = _offsets()

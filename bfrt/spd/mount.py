@@ -1,0 +1,216 @@
+"""SPD's mount: a fractal mountain with four crystal balls over it.
+
+A square of 2^n x 2^n cells is halved n times; each new point is the mean of its neighbors plus
+noise in proportion to the side, taken from a hash of where it is. So any part of the surface can be
+made from its four corners alone. A cell is two triangles, and cells come in the order of the
+halving: lower left, lower right, upper right, upper left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache, partial
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from bfrt.errors import SettingError
+from bfrt.records import Kind
+from bfrt.scene.model import Camera, Light, Material
+from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
+
+DIMENSION = 2.2
+NUMBER = 21  # of the mountain: another seed makes another one
+CORNER, SIDE = -1.0, 2.0
+
+#: Noise per side of a square, such that the surface has the fractal dimension.
+ROUGHNESS = math.sqrt((2.0 / math.exp(math.log(2.0) / (DIMENSION - 1.0))) ** 2 - 1.0)
+
+#: The package's square root of 2, for the middle of a square.
+DIAGONAL = 1.4142136
+
+HASHES = ("package", "jenkins")
+
+Grid = npt.NDArray[np.int64]
+
+
+class Square(NamedTuple):
+    """A square of cells: its lower left corner, its side, and heights at its corners."""
+
+    x: int
+    y: int
+    side: int
+    ll: float
+    lr: float
+    ur: float
+    ul: float
+
+
+class Mount(SpdScene):
+    """The mountain of 2^size x 2^size cells.
+
+    Parameters
+    ----------
+    size : int
+        The package's size factor.
+    hash : {"package", "jenkins"}
+        Where the noise comes from: the package's first hash, whose regularity one sees, or the
+        better one that it has an option for, and that the paper used.
+    """
+
+    name = "mount"
+    camera = Camera(eye=(-1.6, 1.6, 1.7), at=(0.0, 0.0, 0.0), angle=45.0, hither=0.01)
+    lights = (Light((-100.0, -100.0, 100.0)),)
+    background = (0.078, 0.361, 0.753)
+    #: The balls' and the mountain's.
+    materials = (
+        Material(
+            (1.0, 1.0, 1.0), kd=0.1, ks=0.1, shine=phong_power(6.7), transmittance=0.9, ior=1.5
+        ),
+        Material((0.5, 0.45, 0.35), kd=1.0, ks=0.0, shine=phong_power(0.0), ior=0.0),
+    )
+
+    def __init__(self, size: int, hash: str = HASHES[0]) -> None:
+        super().__init__(size)
+        if hash not in HASHES:
+            raise SettingError(f"mount: found hash {hash!r}, expected one of {', '.join(HASHES)}")
+        self.hash = hash
+
+    @property
+    def counts(self) -> dict[Kind, int]:
+        return {Kind.SPHERE: 4, Kind.TRIANGLE: 2 * 4**self.size}
+
+    def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
+        """The balls, then squares of up to `limit` triangles."""
+        yield _crystals
+        yield from self._tasks(Square(0, 0, 1 << self.size, 0.0, 0.0, 0.0, 0.0), limit)
+
+    def _tasks(self, square: Square, limit: int) -> Iterator[Task]:
+        if square.side == 1 or 2 * square.side**2 <= limit:
+            yield partial(self._part, square)
+            return
+        x, y, half = square.x, square.y, square.side // 2
+        z = self._halved(np.array([[square.ll, square.lr], [square.ul, square.ur]]), square)
+        for i, j in QUARTERS:
+            part = z[j : j + 2, i : i + 2].ravel().tolist()
+            ll, lr, ul, ur = part
+            yield from self._tasks(Square(x + i * half, y + j * half, half, ll, lr, ur, ul), limit)
+
+    def _part(self, square: Square, dtype: Scalar) -> Block:
+        """The triangles of a square, two a cell."""
+        cells = square.side
+        z = np.array([[square.ll, square.lr], [square.ul, square.ur]])
+        while square.side > 1:
+            z = self._halved(z, square)
+            square = square._replace(side=square.side // 2)
+        points = np.empty((cells + 1, cells + 1, 3), dtype)
+        across = np.arange(cells + 1) * 1.0
+        points[..., 0] = CORNER + (square.x + across) * SIDE / (1 << self.size)
+        points[..., 1] = (CORNER + (square.y + across) * SIDE / (1 << self.size))[:, None]
+        points[..., 2] = z
+        ll = _cell_order(cells)
+        ur = ll + cells + 2
+        corners = np.stack([ll, ll + 1, ur, ur, ur - 1, ll], axis=1)
+        records = points.reshape(-1, 3)[corners].reshape(-1, 9)
+        n = len(records)
+        return (Part(Kind.TRIANGLE, records, np.ones(n, np.uint32), np.arange(n)),)
+
+    def _halved(self, z: npt.NDArray[np.float64], square: Square) -> npt.NDArray[np.float64]:
+        """Heights (2m + 1, 2m + 1), row by row in y, from those (m + 1, m + 1) of squares of
+        `square.side` that begin at `square`."""
+        m = len(z) - 1
+        half = square.side // 2
+        rise = half * SIDE / (1 << self.size) * ROUGHNESS
+        whole = square.side * np.arange(m + 1, dtype=np.int64)
+        x, y = square.x + whole, (square.y + whole)[:, None]
+        finer = np.empty((2 * m + 1, 2 * m + 1))
+        finer[::2, ::2] = z
+        finer[::2, 1::2] = (z[:, :-1] + z[:, 1:]) / 2.0 + rise * self._noise(x[:-1] + half, y)
+        finer[1::2, ::2] = (z[:-1] + z[1:]) / 2.0 + rise * self._noise(x, y[:-1] + half)
+        corners = z[:-1, :-1] + z[:-1, 1:] + z[1:, 1:] + z[1:, :-1]
+        noise = self._noise(x[:-1] + half, y[:-1] + half)
+        finer[1::2, 1::2] = corners / 4.0 + DIAGONAL * rise * noise
+        return finer
+
+    def _noise(self, x: Grid, y: Grid) -> npt.NDArray[np.float64]:
+        """Gaussian noise at points x by y."""
+        hashed = _jenkins(x, y, self.size) if self.hash == "jenkins" else _hash(x, y, self.size)
+        return _gauss()[hashed]
+
+
+#: The quarters of a square in the order of the halving, (x, y).
+QUARTERS = ((0, 0), (1, 0), (1, 1), (0, 1))
+
+
+@lru_cache(maxsize=8)
+def _cell_order(cells: int) -> Grid:
+    """The lower left points of cells, as indices into (cells + 1, cells + 1), as they come."""
+    x = y = np.zeros(1, np.int64)
+    side = 1
+    while side < cells:
+        x = np.concatenate([x + side * i for i, _ in QUARTERS])
+        y = np.concatenate([y + side * j for _, j in QUARTERS])
+        side *= 2
+    return x + (cells + 1) * y
+
+
+def _hash(x: Grid, y: Grid, size: int) -> Grid:
+    """The package's own: shifts by less than nothing leave nothing of 16 bits."""
+
+    def shifted(a: Grid, bits: int) -> Grid:
+        return a << bits if 0 <= bits < 16 else np.zeros_like(a)
+
+    return (shifted(x, 23 - size) + shifted(y, 15 - size) + shifted(x, 7 - size)) & 0xFFFF
+
+
+def _jenkins(x: Grid, y: Grid, size: int) -> Grid:
+    """Bob Jenkins's mix of three signed 32-bit integers."""
+    shape = np.broadcast_shapes(x.shape, y.shape)
+    a = np.broadcast_to(x, shape).astype(np.int32)
+    b = np.broadcast_to(y, shape).astype(np.int32)
+    c = np.full(shape, size, np.int32)
+    for shifts in ((13, 8, 13), (12, 16, 5), (3, 10, 15)):
+        a = a - b - c ^ (c >> shifts[0])
+        b = b - c - a ^ (a << shifts[1])
+        c = c - a - b ^ (b >> shifts[2])
+    return (c & 0xFFFF).astype(np.int64)
+
+
+@lru_cache(maxsize=1)
+def _gauss() -> npt.NDArray[np.float64]:
+    """The deviate of every seed: Box and Muller's, from a linear congruential generator."""
+    modulus, factor, step = 134456, 8121, 28411
+    seed = NUMBER + np.arange(1 << 16, dtype=np.int64)
+    deviates = np.empty(len(seed))
+    left = np.arange(len(seed))
+    while len(left):
+        first = (step + seed[left] * factor) % modulus
+        seed[left] = second = (step + first * factor) % modulus
+        u = first * 2.0 / modulus - 1.0
+        v = second * 2.0 / modulus - 1.0
+        r = u * u + v * v
+        inside = r < 1.0
+        u, r = u[inside], r[inside]
+        deviates[left[inside]] = u * np.sqrt(-2.0 * np.log(r) / r)
+        left = left[~inside]
+    return deviates
+
+
+def _crystals(dtype: Scalar) -> Block:
+    """Four balls at the corners of a tetrahedron."""
+    center, radius = np.array([-0.8, 0.8, 1.0]), 0.17
+    height = radius * math.sqrt(1.5)
+    # The top one, turned about (1, 1, 0) to where the others are, and thirds of a turn from there.
+    tilt = math.acos(-1.0 / 3.0)
+    down = height * math.sin(tilt) * math.sqrt(0.5), -height * math.sin(tilt) * math.sqrt(0.5)
+    spots = [(0.0, 0.0, height)]
+    for k in range(3):
+        c, s = math.cos(k * 2.0 * math.pi / 3.0), math.sin(k * 2.0 * math.pi / 3.0)
+        spots.append(
+            (down[0] * c - down[1] * s, down[0] * s + down[1] * c, height * math.cos(tilt))
+        )
+    records = np.full((4, 4), radius, dtype)
+    records[:, :3] = center + np.array(spots)
+    return (Part(Kind.SPHERE, records, np.zeros(4, np.uint32), np.arange(4)),)
