@@ -21,6 +21,7 @@ from bfrt.errors import (
 )
 from bfrt.image.picture import Image
 from bfrt.rendering import render
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material
 from bfrt.scene.store import Store
 from bfrt.scene.store import open_store as open
@@ -35,6 +36,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "DiskFullError",
+    "Hierarchy",
     "Image",
     "Light",
     "Material",

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from bfrt.errors import BudgetError, SettingError
+from bfrt.phases.intersection import LEVEL_BUFFER, SELECTED
 from bfrt.phases.preprocess import resolution
 from bfrt.records import (
     AOV_BYTES,
@@ -151,9 +152,10 @@ def fixed_bytes(store: Store, width: int, height: int, samples: int, threads: in
     largest = max((s.stride * s.largest for s in store.streams), default=0)
     buffers = len(store.streams) * threads * (READ_BUFFER * 9 // 4 + largest)
     outgoing = threads * emit_room(len(store.lights)) * QUEUED_BYTES
+    levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER + SELECTED * 16
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
     frame = frame_bytes(width, height, samples)
-    return BASELINE + frame + buffers + outgoing + palette
+    return BASELINE + frame + buffers + levels + outgoing + palette
 
 
 def grid_bytes(shape: tuple[int, int, int]) -> int:

@@ -23,7 +23,8 @@ from bfrt.budget import parse_memory
 from bfrt.conversion import convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.image.picture import SUFFIXES
-from bfrt.rendering import at_least_one, render, scratch_folder
+from bfrt.rendering import REFINEMENTS, at_least_one, render, scratch_folder
+from bfrt.scene.hierarchy import Hierarchy, parse_hierarchy
 from bfrt.scene.model import Camera
 from bfrt.scene.store import Store, bounds_to, open_store
 from bfrt.spd.mount import HASHES
@@ -89,6 +90,7 @@ def add_convert(commands: Any) -> None:
     made.add_argument("input", help="an NFF file, - for standard input, or spd:NAME:SIZE")
     made.add_argument("-o", "--output", required=True, help="the store to make (X.bfrt)")
     made.add_argument("--dtype", choices=("float32", "float64"), default="float32")
+    add_hierarchy(made)
 
 
 def add_render(commands: Any) -> None:
@@ -117,6 +119,10 @@ def add_render(commands: Any) -> None:
     made.add_argument("--at", help="what it looks at", **vector)
     made.add_argument("--up", help="which way is up", **vector)
     made.add_argument("--angle", type=float, help="degrees from bottom to top")
+    made.add_argument(
+        "--refine", choices=REFINEMENTS, default=REFINEMENTS[-1],
+        help="the paper's refinements: base none, sg lazy geometry, sgb the hierarchy too (sgb)",
+    )  # fmt: skip
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
     made.add_argument("--stats", metavar="FILE", help="write counters as JSON")
     made.add_argument("--table", action="store_true", help="print counters as a table")
@@ -137,6 +143,14 @@ def add_spd(commands: Any) -> None:
         "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
     )
     made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    add_hierarchy(made)
+
+
+def add_hierarchy(made: argparse.ArgumentParser) -> None:
+    made.add_argument(
+        "--hierarchy", metavar="SETTINGS",
+        help="of the box hierarchy, by the paper's letters, as s=3,n=1000,l=4,t=1",
+    )  # fmt: skip
 
 
 def add_info(commands: Any) -> None:
@@ -152,7 +166,13 @@ def add_verify(commands: Any) -> None:
 
 def run_convert(options: argparse.Namespace) -> None:
     with reading_bar(options.input, options.quiet) as progress:
-        convert(options.input, options.output, dtype=options.dtype, progress=progress)
+        convert(
+            options.input,
+            options.output,
+            dtype=options.dtype,
+            hierarchy=hierarchy_of(options),
+            progress=progress,
+        )
 
 
 def run_render(options: argparse.Namespace) -> None:
@@ -166,6 +186,7 @@ def run_render(options: argparse.Namespace) -> None:
             camera=camera_of(options, store),
             samples=options.samples,
             depth=options.depth,
+            refine=options.refine,
             fresh_marks=options.fresh_marks,
             scratch=options.scratch,
             progress=wants_bar(options.quiet),
@@ -200,7 +221,17 @@ def run_spd(options: argparse.Namespace) -> None:
                 file=sys.stderr,
             )
         with making_bar(scene, "store", options.quiet) as progress:
-            scene.write(options.output, threads=threads, progress=progress)
+            scene.write(
+                options.output,
+                hierarchy=hierarchy_of(options, scene.hierarchy),
+                threads=threads,
+                progress=progress,
+            )
+
+
+def hierarchy_of(options: argparse.Namespace, default: Hierarchy | None = None) -> Hierarchy | None:
+    """The settings asked for, or None."""
+    return None if options.hierarchy is None else parse_hierarchy(options.hierarchy, default)
 
 
 def run_info(options: argparse.Namespace) -> None:
@@ -243,6 +274,7 @@ def describe(store: Store) -> dict[str, Any]:
                 "kind": stream.kind.label,
                 "objects": stream.count,
                 "degenerate": stream.degenerate,
+                "levels": list(stream.levels),
                 "dtype": "float64" if stream.wide else "float32",
                 "bytes": sum(facts.bytes for facts in stream.files.values()),
             }

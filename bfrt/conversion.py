@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import Kind
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera
 from bfrt.scene.nff import read_nff
 from bfrt.scene.store import HEADER, Store, open_store
@@ -42,6 +43,7 @@ def convert(
     target: str | os.PathLike[str],
     *,
     dtype: Any = "float32",
+    hierarchy: Hierarchy | None = None,
     progress: Report | None = None,
     durable: bool = True,
 ) -> Store:
@@ -55,6 +57,8 @@ def convert(
         The store to make. One that is there is replaced when the new one is complete.
     dtype : {"float32", "float64"}
         What geometry is stored as.
+    hierarchy : Hierarchy, optional
+        Settings of the box hierarchy; by default the paper's, for a standard scene its own.
     progress : callable, optional
         Called with the bytes read so far.
     durable : bool
@@ -74,9 +78,14 @@ def convert(
         If no reader knows the file's suffix.
     """
     name = os.fspath(source)
-    with SceneWriter(target, dtype=dtype, origin=(0.0, 0.0, 0.0), durable=durable) as writer:
-        if name.startswith("spd:"):
-            parse_spd(name).feed(writer, usable_threads())
+    spd = parse_spd(name) if name.startswith("spd:") else None
+    if spd is not None:
+        hierarchy = hierarchy or spd.hierarchy
+    with SceneWriter(
+        target, dtype=dtype, origin=(0.0, 0.0, 0.0), hierarchy=hierarchy, durable=durable
+    ) as writer:
+        if spd is not None:
+            spd.feed(writer, usable_threads())
         elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
             read_scene(name, writer, progress)
         else:

@@ -88,3 +88,12 @@ cdef packed struct Material:
     float shine
     float transmittance
     float ior
+
+cdef packed struct Parent:
+    float lox
+    float loy
+    float loz
+    float hix
+    float hiy
+    float hiz
+    int64_t end  # of its children, in the level below

@@ -13,6 +13,7 @@ QUEUED          72  a ray that waits in a queue, on disk where memory ends
 HIT             88  an intersection that waits for shading
 CANDIDATE        8  voxel (30 bits), ray (21), face (3): a ray stored in a voxel
 MATERIAL        32  a material of the palette
+PARENT          32  a box of a hierarchy's level: around its children, and where they end
 ===========  =====  ==========================================================================
 """
 
@@ -89,12 +90,20 @@ MATERIAL = np.dtype(
     ]
 )
 
+PARENT = np.dtype(
+    [
+        *((name, "<f4") for name in ("lox", "loy", "loz", "hix", "hiy", "hiz")),
+        ("end", "<i8"),
+    ]
+)
+
 RAY_BYTES = 72
 PATH_BYTES = 24
 QUEUED_BYTES = 72
 HIT_BYTES = 88
 CANDIDATE_BYTES = 8
 MATERIAL_BYTES = 32
+PARENT_BYTES = 32
 BOX_BYTES = 24
 OFFSET_BYTES = 4  # a polygon's end, counted in vertices
 FILM_BYTES = 32  # four 64-bit sums: R G B A
@@ -115,6 +124,7 @@ for _dtype, _bytes in (
     (QUEUED, QUEUED_BYTES),
     (HIT, HIT_BYTES),
     (MATERIAL, MATERIAL_BYTES),
+    (PARENT, PARENT_BYTES),
 ):
     if _dtype.itemsize != _bytes:
         raise TypeError(f"{_dtype} has {_dtype.itemsize} bytes, not {_bytes}")

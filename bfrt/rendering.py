@@ -30,6 +30,9 @@ log = logging.getLogger(__name__)
 CORNERS = 0
 DEPTH = 5
 
+#: The paper's refinements, each with those before it: separation and lazy geometry; hierarchy.
+REFINEMENTS = ("base", "sg", "sgb")
+
 #: Bytes of film that are averaged at once.
 BAND = 1 << 20
 
@@ -42,6 +45,7 @@ def render(
     camera: Camera | None = None,
     samples: int | None = None,
     depth: int = DEPTH,
+    refine: str = REFINEMENTS[-1],
     fresh_marks: bool = False,
     scratch: str | os.PathLike[str] | None = None,
     progress: bool | Callable[[Progress], object] = False,
@@ -66,6 +70,11 @@ def render(
         averaged.
     depth : int
         Hits shaded along a path, the eye ray's included.
+    refine : {"sgb", "sg", "base"}
+        The paper's refinements: ``base`` reads every box and all geometry wherever the original
+        algorithm does; ``sg`` reads geometry only where a ray meets its box, or hits it; ``sgb``
+        reads only the boxes below those of the hierarchy that are near rays. The picture is the
+        same.
     fresh_marks : bool
         Make the voxel marks again, instead of using those in the store.
     scratch : path-like, optional
@@ -101,17 +110,21 @@ def render(
     budget = default_memory() if memory is None else parse_memory(memory)
     count = usable_threads() if threads is None else at_least_one("threads", threads)
     corners = CORNERS if samples is None else at_least_one("samples", samples)
+    if refine not in REFINEMENTS:
+        raise SettingError(f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}")
     plan = capacities(store, *view.resolution, corners, budget, count)
     stats = Stats(
         objects=store.objects,
         scene_bytes=store.bytes,
         settings={
-            "refine": "base",
+            "refine": refine,
             "memory": budget,
             "threads": count,
             "depth": at_least_one("depth", depth),
         },
     )
+    if refine == "sgb":
+        stats.hierarchy_seconds = store.hierarchy_seconds
     with reporting(progress) as report:
         film = render_film(
             store,
@@ -119,6 +132,7 @@ def render(
             samples=corners,
             depth=depth,
             capacities=plan,
+            refine=refine,
             fresh_marks=fresh_marks,
             scratch=scratch_folder(scratch, store.path),
             stats=stats,

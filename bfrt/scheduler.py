@@ -27,7 +27,7 @@ from bfrt.budget import Capacities
 from bfrt.errors import Cancelled
 from bfrt.image.film import Film
 from bfrt.phases.eye import EyeRays, view_vectors
-from bfrt.phases.intersection import intersect_all
+from bfrt.phases.intersection import Selections, intersect_all
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.preprocess import lattice_of, preprocess, resolution
 from bfrt.phases.shading import Shading
@@ -67,12 +67,15 @@ class Tracer:
         workers: Workers,
         capacities: Capacities,
         *,
+        refine: str,
         fresh_marks: bool,
         scratch: Path,
         counters: Counters,
     ) -> None:
         (group,) = store.groups
-        self.objects = Objects(store, group, workers, capacities.read_buffer)
+        lazy = refine != "base"
+        self.objects = Objects(store, group, workers, capacities.read_buffer, lazy)
+        self._selections = Selections(group.streams) if refine == "sgb" else None
         self._film = film
         self._swept = sum(stream.count for stream in group.streams)
         self._background = np.array(store.background, np.float64)
@@ -109,7 +112,9 @@ class Tracer:
                     flight.collect(self._voxel_rays, self._swept, counters)
             if flight.active:
                 with phases.intersection.timed():
-                    intersect_all(self.objects, flight, self._voxel_rays, counters)
+                    self._swept = intersect_all(
+                        self.objects, self._selections, flight, self._voxel_rays, counters
+                    )
                 with phases.traversal.timed():
                     done += flight.settle(film, background, hits, counters)
         tell(done)
@@ -122,6 +127,7 @@ def render_film(
     samples: int,
     depth: int,
     capacities: Capacities,
+    refine: str,
     fresh_marks: bool,
     scratch: Path,
     stats: Stats,
@@ -135,6 +141,8 @@ def render_film(
         A pixel; 0 is SPD's procedure.
     depth : int
         Hits of this depth are the last that are shaded; the eye ray's is 1.
+    refine : {"base", "sg", "sgb"}
+        The paper's refinements.
     """
     film = Film(*camera.resolution, samples)
     workers = Workers(capacities.threads)
@@ -149,6 +157,7 @@ def render_film(
             film,
             workers,
             capacities,
+            refine=refine,
             fresh_marks=fresh_marks,
             scratch=scratch,
             counters=stats.total,

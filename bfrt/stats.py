@@ -87,11 +87,11 @@ class Counters:
     voxel_steps: int = 0
     seconds: float = 0.0
 
-    def sweep(self, objects: int) -> None:
-        """Count one pass over so many objects, boxes and geometry."""
+    def sweep(self, boxes: int, objects: Objects) -> None:
+        """Count one pass, with so many boxes read, and what geometry was."""
         self.passes += 1
-        self.boxes_read += objects
-        self.geometry_read += objects
+        self.boxes_read += boxes
+        self.geometry_read += objects.geometry_read()
 
     def add(self, other: Any, to: Any = None) -> None:
         """Add another's counts to these, nested ones too."""

@@ -23,6 +23,7 @@ from bfrt.image.film import Film
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
 from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.store import Group, Store, open_store
 from bfrt.scene.writer import SceneWriter
 from bfrt.scheduler import Tracer
@@ -95,6 +96,7 @@ def nearest(
     directions: ArrayLike,
     scratch: Path,
     capacities: Capacities = ROOMY,
+    refine: str = "sgb",
 ) -> Found:
     """Nearest hits by the fast path.
 
@@ -107,7 +109,7 @@ def nearest(
     rays = queued(origins, directions, RayKind.REFLECTION)
     t = np.full(len(rays), np.inf)
     ids = np.full(len(rays), NO_HIT, np.uint64)
-    with _traced(store, rays, scratch, capacities) as (hits, film, counters):
+    with _traced(store, rays, scratch, capacities, refine) as (hits, film, counters):
         seen = np.zeros(len(rays), np.int64)
         while len(hits):
             some = hits.read(len(hits))
@@ -128,12 +130,13 @@ def occluded(
     directions: ArrayLike,
     scratch: Path,
     capacities: Capacities = ROOMY,
+    refine: str = "sgb",
 ) -> NDArray[np.bool_]:
     """Whether shadow rays are stopped before `SHADOW_END`."""
     rays = queued(origins, directions, RayKind.SHADOW)
     if not len(rays):
         return np.zeros(0, np.bool_)
-    with _traced(store, rays, scratch, capacities) as (hits, film, _):
+    with _traced(store, rays, scratch, capacities, refine) as (hits, film, _):
         light = _light(film)
         assert len(hits) == 0, "a shadow ray was sent on to be shaded"
     assert set(np.unique(light)) <= {0.0, 1.0}
@@ -159,7 +162,7 @@ def _light(film: Film) -> Array:
 
 @contextmanager
 def _traced(
-    store: Store, rays: NDArray[Any], scratch: Path, capacities: Capacities
+    store: Store, rays: NDArray[Any], scratch: Path, capacities: Capacities, refine: str
 ) -> Iterator[tuple[Spool, Film, Counters]]:
     crowded = replace(
         store,
@@ -178,6 +181,7 @@ def _traced(
             film,
             workers,
             capacities,
+            refine=refine,
             fresh_marks=False,
             scratch=scratch,
             counters=counters,
@@ -192,6 +196,9 @@ def _traced(
         hits.close()
         queue.close()
 
+
+#: A hierarchy that gives scenes of a few objects several levels.
+DEEP = Hierarchy(s=2.0, n=6, l=4, t=0.5)
 
 # --- stores of test scenes ---------------------------------------------------------------------
 
@@ -226,7 +233,7 @@ def write(
         Kind.TRIANGLE: objects.triangles,
         Kind.PATCH: objects.patches,
     }
-    with SceneWriter(path, origin=origin) as writer:
+    with SceneWriter(path, origin=origin, hierarchy=DEEP) as writer:
         for kind, table in tables.items():
             if len(table):
                 writer.append(kind, table.astype(dtype))

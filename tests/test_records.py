@@ -33,6 +33,7 @@ TWINS = {
     "Queued": (records.QUEUED, 72),
     "Hit": (records.HIT, 88),
     "Material": (records.MATERIAL, 32),
+    "Parent": (records.PARENT, 32),
 }
 
 

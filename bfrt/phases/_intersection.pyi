@@ -1,5 +1,6 @@
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
@@ -8,7 +9,7 @@ from bfrt.scene.sweep import Sweep
 
 def intersect(
     sweep: Sweep,
-    n: int,
+    ranges: NDArray[np.int64],
     lattice: Lattice,
     voxel_rays: VoxelRays,
     rays: NDArray[Any],

@@ -3,18 +3,18 @@
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, box_union
-from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.grid cimport Grid, Range, box_range, entered_by, roughly
+from bfrt.geometry.grid cimport Grid, Range, box_range, entered_by
 from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
 from bfrt.geometry.vector cimport vec
+from bfrt.phases.nearby cimport rays_near
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, VoxelRays, brick_word, entry_face, entry_ray, occupied, range_word,
 )
 from bfrt.records cimport INDEX_BITS, Ray
-from bfrt.scene.sweep cimport Sweep, advance_block
+from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, fetch
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -29,12 +29,9 @@ cdef extern from *:
 cdef struct Search:
     const Grid* grid
     Ray* rays
-    const Frame* frame
-    int kind
-    const unsigned char* record
-    uint32_t count
     Grown box
     uint64_t id
+    int place              # of the object in the sweep's block
     Range range
     Shape shape
     bint loaded
@@ -48,13 +45,18 @@ cdef struct Search:
     int64_t object_tests
 
 
-cdef void meet_pending(Search* s) noexcept nogil:
-    """Intersect the object with the rays that met its box, and keep the nearest hits."""
+cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
+    """Intersect the object with the rays that met its box, and keep the nearest hits.
+
+    Its geometry is fetched for the first of them (the paper's refinement G).
+    """
     cdef int i
     cdef Meeting* m
     cdef Ray* r
+    cdef const unsigned char* record
     if not s.loaded:
-        shape_load(s.kind, s.record, s.count, s.frame, &s.shape)
+        record = fetch(w, s.place)
+        shape_load(w.kind, record, w.count, &w.frame, &s.shape)
         s.loaded = True
     shape_meet(&s.shape, &s.meetings[0], s.pending)
     s.object_tests += s.pending
@@ -66,9 +68,10 @@ cdef void meet_pending(Search* s) noexcept nogil:
             nearer(r, m.t, s.id)
             unlock(&r.lock)
     s.pending = 0
+    return 0
 
 
-cdef void meet_box(Search* s) noexcept nogil:
+cdef int meet_box(Search* s, Sweep w) except -1 nogil:
     """Test the gathered rays against the box; those that meet it are pending."""
     cdef Lanes* l = &s.lanes
     cdef const Ray* r
@@ -95,7 +98,7 @@ cdef void meet_box(Search* s) noexcept nogil:
         if not l.near[i] <= l.far[i] or l.near[i] > s.reach[i]:
             continue
         if s.pending == LANES:
-            meet_pending(s)
+            meet_pending(s, w)
         m = &s.meetings[s.pending]
         m.line.o = vec(l.o[0][i], l.o[1][i], l.o[2][i])
         m.line.d = vec(l.d[0][i], l.d[1][i], l.d[2][i])
@@ -103,19 +106,22 @@ cdef void meet_box(Search* s) noexcept nogil:
         m.span.near, m.span.far = l.near[i], l.far[i]
         m.mark = s.rays_near[i]
         s.pending += 1
+    return 0
 
 
-cdef inline void gather(Search* s, uint32_t ray) noexcept nogil:
+cdef inline int gather(Search* s, Sweep w, uint32_t ray) except -1 nogil:
     """Note a ray, and have it fetched from memory while others are looked for."""
     prefetch(&s.rays[ray].ox)
     prefetch(&s.rays[ray].t)
     s.rays_near[s.gathered] = ray
     s.gathered += 1
     if s.gathered == LANES:
-        meet_box(s)
+        meet_box(s, w)
+    return 0
 
 
-cdef inline void meet_voxel(Search* s, VoxelRays v, int x, int y, int z) noexcept nogil:
+cdef inline int meet_voxel(Search* s, Sweep w, VoxelRays v, int x, int y,
+                           int z) except -1 nogil:
     """The rays that enter the object's region by this voxel."""
     cdef int64_t voxel = x + s.grid.n[0] * (y + s.grid.n[1] * <int64_t>z)
     cdef int64_t i
@@ -124,36 +130,39 @@ cdef inline void meet_voxel(Search* s, VoxelRays v, int x, int y, int z) noexcep
     for i in range(v.start[voxel], v.start[voxel + 1]):
         entry = v.entries[i]
         if faces >> entry_face(entry) & 1:
-            gather(s, entry_ray(entry))
+            gather(s, w, entry_ray(entry))
+    return 0
 
 
-cdef void meet_brick(Search* s, VoxelRays v, int bx, int by, int bz) noexcept nogil:
+cdef int meet_brick(Search* s, Sweep w, VoxelRays v, int bx, int by,
+                    int bz) except -1 nogil:
     """The rays in the part of the range that a brick holds."""
     cdef uint64_t word = brick_word(v, bx, by, bz)
     cdef int bit
     if not word:
-        return
+        return 0
     word &= range_word(&s.range.lo[0], &s.range.hi[0], bx, by, bz)
     while word:
         bit = lowest_bit(word)
         word &= word - 1
         meet_voxel(
-            s, v, bx << BRICK_BITS | (bit & 3), by << BRICK_BITS | (bit >> 2 & 3),
+            s, w, v, bx << BRICK_BITS | (bit & 3), by << BRICK_BITS | (bit >> 2 & 3),
             bz << BRICK_BITS | bit >> 4,
         )
+    return 0
 
 
-cdef void meet_cube(Search* s, VoxelRays v, int level, int cx, int cy, int cz) noexcept nogil:
+cdef int meet_cube(Search* s, Sweep w, VoxelRays v, int level, int cx, int cy,
+                   int cz) except -1 nogil:
     """The rays in the part of the range that a cube of some level holds."""
     cdef int at[3]
     cdef int lo[3]
     cdef int hi[3]
     cdef int k, x, y, z, below
     if level == 1:
-        meet_brick(s, v, cx, cy, cz)
-        return
+        return meet_brick(s, w, v, cx, cy, cz)
     if not occupied(v, level, cx, cy, cz):
-        return
+        return 0
     at[0], at[1], at[2] = cx, cy, cz
     below = BRICK_BITS * (level - 1)
     for k in range(3):
@@ -162,32 +171,8 @@ cdef void meet_cube(Search* s, VoxelRays v, int level, int cx, int cy, int cz) n
     for z in range(lo[2], hi[2] + 1):
         for y in range(lo[1], hi[1] + 1):
             for x in range(lo[0], hi[0] + 1):
-                meet_cube(s, v, level - 1, x, y, z)
-
-
-cdef inline bint rays_near(const Box* b, const Grid* g, VoxelRays v) noexcept nogil:
-    """Whether any voxel that a box may touch holds a ray: false for most boxes, at once.
-
-    Arithmetic with some slack, in place of the table: it never misses a voxel of the range.
-    """
-    cdef int lo[3]
-    cdef int hi[3]
-    cdef int k, x, y, z
-    cdef uint64_t word
-    if box_empty(b):
-        return False
-    for k in range(3):
-        lo[k] = roughly(g, k, b.lo[k], -g.slack[k])
-        hi[k] = roughly(g, k, b.hi[k], g.slack[k])
-        if hi[k] - lo[k] > 12:
-            return True
-    for z in range(lo[2] >> BRICK_BITS, (hi[2] >> BRICK_BITS) + 1):
-        for y in range(lo[1] >> BRICK_BITS, (hi[1] >> BRICK_BITS) + 1):
-            for x in range(lo[0] >> BRICK_BITS, (hi[0] >> BRICK_BITS) + 1):
-                word = brick_word(v, x, y, z)
-                if word and word & range_word(&lo[0], &hi[0], x, y, z):
-                    return True
-    return False
+                meet_cube(s, w, v, level - 1, x, y, z)
+    return 0
 
 
 cdef int covering_level(const Range* r, int levels) noexcept nogil:
@@ -201,7 +186,7 @@ cdef int covering_level(const Range* r, int levels) noexcept nogil:
     return level
 
 
-cdef void meet_rays(Search* s, VoxelRays v) noexcept nogil:
+cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
     """All rays that enter the object's region."""
     cdef int level = covering_level(&s.range, v.levels)
     cdef int down = BRICK_BITS * level
@@ -209,17 +194,39 @@ cdef void meet_rays(Search* s, VoxelRays v) noexcept nogil:
     for z in range(s.range.lo[2] >> down, (s.range.hi[2] >> down) + 1):
         for y in range(s.range.lo[1] >> down, (s.range.hi[1] >> down) + 1):
             for x in range(s.range.lo[0] >> down, (s.range.hi[0] >> down) + 1):
-                meet_cube(s, v, level, x, y, z)
-    meet_box(s)
+                meet_cube(s, w, v, level, x, y, z)
+    meet_box(s, w)
     if s.pending:
-        meet_pending(s)
+        meet_pending(s, w)
+    return 0
 
 
-def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray[::1] rays):
-    """Test the next n objects of a sweep against the rays stored in their voxels.
+cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
+    """The n objects of a block, each against the rays in its voxels."""
+    cdef Box all
+    cdef int i
+    box_union(&w.box[0], n, &all)
+    if not rays_near(&all, s.grid, v):
+        return 0
+    for i in range(n):
+        if not box_empty(&w.box[i]):
+            s.place = i
+            s.id = (<uint64_t>w.number << INDEX_BITS) + <uint64_t>(w.first + i)
+            s.loaded = False
+            box_grow(&w.box[i], s.grid.grow, &s.box)
+            box_range(s.grid, &w.box[i], &s.range)
+            meet_rays(s, w, v)
+    return 0
+
+
+def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelRays voxel_rays,
+              Ray[::1] rays):
+    """Test objects of a sweep against the rays stored in their voxels.
 
     Parameters
     ----------
+    ranges : (n, 2) int64
+        IN. First and end of runs of objects, ascending, in the sweep's window.
     rays : (active,) records.RAY
         IN, OUT: t and id become those of the nearest hit. Threads share them.
 
@@ -228,32 +235,16 @@ def intersect(Sweep sweep, int64_t n, Lattice lattice, VoxelRays voxel_rays, Ray
     box_tests, object_tests : int
     """
     cdef Search s
-    cdef Box all
-    cdef int64_t left = n
-    cdef uint64_t first = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
-    cdef int i, block
+    cdef int64_t k
     s.grid = &lattice.grid
     s.rays = &rays[0]
-    s.frame = &sweep.frame
-    s.kind = sweep.kind
     s.gathered = s.pending = 0
     s.box_tests = s.object_tests = 0
     with nogil:
-        while left > 0:
-            block = advance_block(sweep, left)
-            left -= block
-            box_union(&sweep.box[0], block, &all)
-            if not rays_near(&all, s.grid, voxel_rays):
-                first += block
-                continue
-            for i in range(block):
-                s.record = sweep.record + i * sweep.stride
-                s.count = sweep.count
-                s.id = first
-                first += 1
-                if not box_empty(&sweep.box[i]):
-                    s.loaded = False
-                    box_grow(&sweep.box[i], s.grid.grow, &s.box)
-                    box_range(s.grid, &sweep.box[i], &s.range)
-                    meet_rays(&s, voxel_rays)
+        for k in range(ranges.shape[0]):
+            advance_to(sweep, ranges[k, 0])
+            while sweep.index < ranges[k, 1]:
+                meet_block(
+                    &s, sweep, voxel_rays, advance_block(sweep, ranges[k, 1] - sweep.index)
+                )
     return s.box_tests, s.object_tests

@@ -5,7 +5,7 @@ from libc.stdint cimport int64_t, uint8_t
 from bfrt.geometry.box cimport box_empty
 from bfrt.geometry.grid cimport HIGH, LOW, Grid, Range, box_range
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.scene.sweep cimport Sweep, advance
+from bfrt.scene.sweep cimport Sweep, advance_block
 from bfrt.streams.atomic cimport atomic_or
 
 
@@ -33,14 +33,16 @@ def mark(Sweep sweep, int64_t n, Lattice lattice, uint8_t[::1] marks):
     marks : (voxels,) uint8
         IN, OUT. Threads may share it.
     """
-    cdef int axis
+    cdef int axis, i, block
     cdef Range r
     with nogil:
-        for _ in range(n):
-            advance(sweep)
-            if box_empty(&sweep.box[0]):
-                continue
-            box_range(&lattice.grid, &sweep.box[0], &r)
-            for axis in range(3):
-                mark_face(&lattice.grid, r, axis, False, &marks[0])
-                mark_face(&lattice.grid, r, axis, True, &marks[0])
+        while n > 0:
+            block = advance_block(sweep, n)
+            n -= block
+            for i in range(block):
+                if box_empty(&sweep.box[i]):
+                    continue
+                box_range(&lattice.grid, &sweep.box[i], &r)
+                for axis in range(3):
+                    mark_face(&lattice.grid, r, axis, False, &marks[0])
+                    mark_face(&lattice.grid, r, axis, True, &marks[0])

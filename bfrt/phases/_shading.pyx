@@ -15,7 +15,9 @@ from bfrt.image.film cimport Film, film_add
 from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
-from bfrt.scene.sweep cimport BLOCK, Sweep, advance_materials, advance_records
+from bfrt.scene.sweep cimport (
+    BLOCK, Sweep, advance_materials, advance_records, fetch, pick, pick_material,
+)
 
 cdef struct Bent:
     bint total   # total internal reflection: there is no refracted ray
@@ -96,7 +98,7 @@ cdef class Shader:
         self.emit = emit
 
     def shade(self, Sweep sweep, int64_t n, const Hit[::1] hits, bint last):
-        """Shade the hits of the next n objects of a sweep.
+        """Shade the hits of the next n objects of a sweep, all of which are read.
 
         Parameters
         ----------
@@ -108,40 +110,50 @@ cdef class Shader:
         cdef int64_t at = 0, left = n
         cdef uint64_t first = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
         cdef uint32_t materials[BLOCK]
-        cdef int block
+        cdef int block, i
         with nogil:
             while left > 0:
                 block = advance_records(sweep, left)
                 advance_materials(sweep, block, &materials[0])
                 left -= block
                 while at < hits.shape[0] and hits[at].id < first + <uint64_t>block:
+                    i = <int>(hits[at].id - first)
                     at += self.shade_object(
-                        sweep, <int>(hits[at].id - first), &materials[0], &hits[at],
-                        hits.shape[0] - at, last,
+                        sweep, fetch(sweep, i), materials[i], &hits[at], hits.shape[0] - at, last
                     )
                 first += block
 
-    cdef int64_t shade_object(self, Sweep sweep, int i, const uint32_t* materials,
+    def shade_picked(self, Sweep sweep, const Hit[::1] hits, bint last):
+        """Shade hits of a sweep's window; only the objects that are hit are read."""
+        cdef int64_t at = 0, index
+        cdef uint32_t material
+        with nogil:
+            while at < hits.shape[0]:
+                index = <int64_t>(hits[at].id & ((<uint64_t>1 << INDEX_BITS) - 1))
+                material = pick_material(sweep, index)
+                at += self.shade_object(
+                    sweep, pick(sweep, index), material, &hits[at], hits.shape[0] - at, last
+                )
+
+    cdef int64_t shade_object(self, Sweep sweep, const unsigned char* record, uint32_t material,
                               const Hit* hits, int64_t n, bint last) except -1 nogil:
-        """Shade the hits at the head of `hits`, all those of object i of a block; how many."""
+        """Shade the hits at the head of `hits`, all those of one object; how many."""
         cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
         cdef Shape shape
         cdef Box box
-        if materials[i] >= self.palette.shape[0]:
+        if material >= self.palette.shape[0]:
             with gil:
                 raise StoreError(
-                    f"{sweep.tapes[0].path}: found material {materials[i]}, "
+                    f"{sweep.tapes[0].path}: found material {material}, "
                     f"expected one of {len(self.palette)}"
                 )
-        shape_load(
-            sweep.kind, sweep.record + i * sweep.stride, sweep.count, &sweep.frame, &shape
-        )
+        shape_load(sweep.kind, record, sweep.count, &sweep.frame, &shape)
         shape_bounds(&shape, &box)
         while at < n and hits[at].id == hits[0].id:
             if self.waiting > room:
                 with gil:
                     self.flush()
-            self.shade_hit(&hits[at], &shape, &box, &self.palette[materials[i]], last)
+            self.shade_hit(&hits[at], &shape, &box, &self.palette[material], last)
             at += 1
         return at
 

@@ -95,7 +95,7 @@ def preprocess(
     def loop(_: int, sweep: Sweep, first: int, last: int) -> None:
         mark(sweep, last - first, lattice, marks)
 
-    counters.sweep(objects.each(loop))
+    counters.sweep(objects.each(loop), objects)
     counters.phases.preprocess.swept(objects)
     try:
         counters.phases.preprocess.bytes_written += save_marks(path, store, lattice.shape, marks)

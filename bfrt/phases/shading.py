@@ -29,6 +29,10 @@ def light_intensity(lights: int) -> float:
     return math.sqrt(lights) / (2 * lights) if lights else 1.0
 
 
+#: Objects that are hit, of which a thread takes so many at once.
+PICKED = 2048
+
+
 class Shading:
     """The shading phase of a render.
 
@@ -97,10 +101,47 @@ class Shading:
             a, b = np.searchsorted(ids, np.array([stream + first, stream + last], np.uint64))
             shaders[worker].shade(sweep, last - first, hits[a:b], last_depth)
 
-        counters.sweep(objects.each(loop))
+        if objects.lazy:
+            self._pick(objects, hits, ids, shaders, last_depth)
+            counters.sweep(0, objects)
+        else:
+            counters.sweep(objects.each(loop), objects)
         counters.phases.shading.swept(objects)
         for shader in shaders:
             shader.flush()
             counters.rays.reflection += shader.reflection
             counters.rays.refraction += shader.refraction
             counters.rays.shadow += shader.shadow
+
+    def _pick(
+        self,
+        objects: Objects,
+        hits: NDArray[Any],
+        ids: NDArray[np.uint64],
+        shaders: list[Shader],
+        last_depth: bool,
+    ) -> None:
+        """Shade hits with only those objects read that are hit (the paper's refinement G)."""
+        for stream in objects.group.streams:
+            numbers = np.array([stream.number, stream.number + 1], np.uint64) << np.uint64(
+                INDEX_BITS
+            )
+            begin, end = np.searchsorted(ids, numbers)
+            own = (ids[begin:end] - numbers[0]).astype(np.int64)
+            starts = np.flatnonzero(np.diff(own, prepend=-1))  # of each object's hits
+            ranges = own[starts, None] + np.array([0, 1])
+            starts = np.append(starts, len(own)) + begin
+
+            def some(
+                worker: int,
+                sweep: Sweep,
+                a: int,
+                b: int,
+                starts: NDArray[np.int64] = starts,
+                ranges: NDArray[np.int64] = ranges,
+            ) -> None:
+                sweep.material_window(int(ranges[a, 0]), int(ranges[b - 1, 1]))
+                shaders[worker].shade_picked(sweep, hits[starts[a] : starts[b]], last_depth)
+
+            objects.begin(stream)
+            objects.some(stream, ranges, some, together=PICKED)

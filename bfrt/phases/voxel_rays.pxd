@@ -41,6 +41,9 @@ cdef class VoxelRays:
     cdef void sum_up_row(self, int64_t row, int64_t brick, int bit) noexcept nogil
     cdef void raise_levels(self) noexcept
     cdef void raise_brick(self, int x, int y, int z) noexcept nogil
+    cdef bint any_within(self, const int* lo, const int* hi) noexcept nogil
+    cdef bint cube_within(self, int level, const int* cube, const int* lo,
+                          const int* hi) noexcept nogil
 
 
 cdef inline uint64_t entry_of(uint32_t voxel, uint32_t ray, int face) noexcept nogil:

@@ -216,3 +216,43 @@ cdef class VoxelRays:
             if self.upper[at]:
                 return
             self.upper[at] = 1
+
+    cdef bint any_within(self, const int* lo, const int* hi) noexcept nogil:
+        """Whether any of the voxels lo to hi, inclusive, holds a ray."""
+        cdef int cube[3]
+        cdef int k, level = 1, side = 0
+        for k in range(3):
+            side = max(side, hi[k] - lo[k])
+        while level < self.levels and side >> (BRICK_BITS * level) > 1:
+            level += 1
+        for cube[2] in range(lo[2] >> BRICK_BITS * level, (hi[2] >> BRICK_BITS * level) + 1):
+            for cube[1] in range(lo[1] >> BRICK_BITS * level, (hi[1] >> BRICK_BITS * level) + 1):
+                for cube[0] in range(
+                    lo[0] >> BRICK_BITS * level, (hi[0] >> BRICK_BITS * level) + 1
+                ):
+                    if self.cube_within(level, &cube[0], lo, hi):
+                        return True
+        return False
+
+    cdef bint cube_within(self, int level, const int* cube, const int* lo,
+                          const int* hi) noexcept nogil:
+        """The same of the part of them that a cube of some level holds."""
+        cdef uint64_t word
+        cdef int first[3]
+        cdef int last[3]
+        cdef int part[3]
+        cdef int k, below = BRICK_BITS * (level - 1)
+        if level == 1:
+            word = brick_word(self, cube[0], cube[1], cube[2])
+            return word and word & range_word(lo, hi, cube[0], cube[1], cube[2])
+        if not occupied(self, level, cube[0], cube[1], cube[2]):
+            return False
+        for k in range(3):
+            first[k] = max(cube[k] << BRICK_BITS, lo[k] >> below)
+            last[k] = min((cube[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, hi[k] >> below)
+        for part[2] in range(first[2], last[2] + 1):
+            for part[1] in range(first[1], last[1] + 1):
+                for part[0] in range(first[0], last[0] + 1):
+                    if self.cube_within(level - 1, &part[0], lo, hi):
+                        return True
+        return False

@@ -5,6 +5,7 @@ A block is prepared first, which any thread may do, and then added, in the order
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
-from bfrt.records import INDEX_BITS, SCALARS, Kind
+from bfrt.records import BOX_BYTES, INDEX_BITS, SCALARS, Kind
 from bfrt.scene._bounds import bound
-from bfrt.scene.extent import Extent
+from bfrt.scene.extent import Bounds, Extent
+from bfrt.scene.hierarchy import Hierarchy, Level, make_levels
 from bfrt.scene.model import Vector
 from bfrt.streams.aside import refused
 from bfrt.streams.writer import FileWriter
 
-#: Materials that are written again at once, where they need wider integers.
+#: Objects that are read back at once, for wider materials or for the hierarchy.
 BLOCK = 65536
 
 
@@ -133,6 +135,8 @@ class StreamWriter:
             raise refused(folder, 0, error, "creating") from error
         self.group = group
         self.kind = kind
+        self._folder = folder
+        self._durable = durable
         self.wide = wide
         self.count = self.degenerate = self.vertices = self.largest = 0
         self.materials = MaterialColumn(folder, durable)
@@ -183,8 +187,15 @@ class StreamWriter:
         self.vertices = int(ends[-1]) if len(ends) else self.vertices
         self.largest = max(self.largest, int(counts.max(initial=0)))
 
+    def make_levels(self, settings: Hierarchy, bounds: Bounds, origin: Vector) -> list[Level]:
+        """Make the hierarchy, from what was written: when the files are complete."""
+        boxes = sphere_boxes if self.kind == Kind.SPHERE else file_boxes
+        return make_levels(
+            self._folder, boxes(self, origin), self.count, bounds, settings, self._durable
+        )
+
     def close(self) -> dict[str, Any]:
-        """Make the files durable; returns the stream's part of the header."""
+        """Make the files durable; returns the stream's part of the header, without levels."""
         files = {}
         for name, file in self.files.items():
             file.close()
@@ -200,6 +211,7 @@ class StreamWriter:
             "material_bytes": self.materials.bytes,
             "vertices": self.vertices,
             "largest": self.largest,
+            "levels": [],
             "files": files,
         }
 
@@ -207,3 +219,28 @@ class StreamWriter:
         for file in self.files.values():
             file.abandon()
         self.materials.abandon()
+
+
+def file_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:
+    """The boxes of a complete stream, block by block."""
+    for block in _blocks(stream.files["boxes"].path, BOX_BYTES):
+        yield np.frombuffer(block, "<f4").reshape(-1, 6)
+
+
+def sphere_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:
+    """The boxes of a complete stream of spheres, worked out again."""
+    scalar = "<f8" if stream.wide else "<f4"
+    for block in _blocks(stream.files["geometry"].path, SCALARS[Kind.SPHERE] * int(scalar[2])):
+        records = np.frombuffer(block, scalar).reshape(-1, SCALARS[Kind.SPHERE])
+        none = np.zeros(len(records), np.uint32)
+        yield prepare(Kind.SPHERE, records, none, none, origin).boxes
+
+
+def _blocks(path: Path, size: int) -> Iterator[bytes]:
+    """A file's records of `size` bytes, up to BLOCK of them at a time."""
+    try:
+        with path.open("rb") as file:
+            while block := file.read(BLOCK * size):
+                yield block
+    except OSError as error:
+        raise refused(path, 0, error, "reading") from error

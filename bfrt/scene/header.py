@@ -15,6 +15,7 @@ from typing import Any
 
 from bfrt.errors import SceneError
 from bfrt.records import INDEX_BITS, Kind
+from bfrt.scene.hierarchy import MOST_LEVELS
 from bfrt.scene.model import Camera, Light, Vector
 
 Check = Callable[[Any], Any]
@@ -26,6 +27,22 @@ def header_text(header: dict[str, Any]) -> str:
     text = json.dumps(body, indent=1, sort_keys=True, allow_nan=False)
     body["checksum"] = zlib.crc32(text.encode())
     return json.dumps(body, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def digest_of(header: dict[str, Any]) -> int:
+    """A checksum of the scene alone: stores that differ in their hierarchies have the same."""
+    own = ("hierarchy", "hierarchy_seconds", "checksum")
+    scene = {key: value for key, value in header.items() if key not in own}
+    scene["groups"] = [
+        {**group, "streams": [_without_levels(stream) for stream in group["streams"]]}
+        for group in header["groups"]
+    ]
+    return zlib.crc32(json.dumps(scene, sort_keys=True).encode())
+
+
+def _without_levels(stream: dict[str, Any]) -> dict[str, Any]:
+    files = {name: f for name, f in stream["files"].items() if not name.startswith("level")}
+    return {**stream, "levels": [], "files": files}
 
 
 def _wrong(value: Any, expected: str) -> ValueError:
@@ -128,6 +145,11 @@ def light(value: Any) -> Light:
 def stream(value: Any) -> dict[str, Any]:
     """One stream, whose numbers agree."""
     found: dict[str, Any] = STREAM(value)
+    levels = found["levels"]
+    if len(levels) > MOST_LEVELS or not all(
+        0 < above <= below for below, above in itertools.pairwise([found["count"], *levels])
+    ):
+        raise _wrong(value["levels"], f"up to {MOST_LEVELS} levels, none larger than the one below")
     if found["degenerate"] > found["count"] or found["material_bytes"] not in (0, 1, 2, 4):
         raise _wrong(value, "counts and widths that agree")
     return found
@@ -156,11 +178,13 @@ STREAM = fields(
     material_bytes=whole(5),
     vertices=whole(1 << 32),
     largest=whole(1 << 32),
+    levels=listed(whole(1 << INDEX_BITS)),
     files=named(FACTS),
 )
 GROUP = fields(
     streams=listed(stream), grid_bounds=optional(bounds), outliers=listed(whole(1 << 64))
 )
+HIERARCHY = fields(s=real, n=whole(1 << 63), l=whole(MOST_LEVELS + 1), t=real)
 CAMERA = fields(
     eye=vector,
     at=vector,
@@ -181,5 +205,7 @@ HEADER_FIELDS = fields(
     lights=listed(light),
     background=vector,
     palette=FACTS,
+    hierarchy=HIERARCHY,
+    hierarchy_seconds=real,
     checksum=whole(1 << 32),
 )

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bfrt.records import INDEX_BITS
-from bfrt.scene.store import Group, Store
+from bfrt.scene.store import Group, Store, Stream
 from bfrt.scene.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 #: Called with a worker's number, its sweep, and the objects [first, last) in its window.
 Loop = Callable[[int, Sweep, int, int], None]
+
+#: Called with a worker's number, its sweep, and which of the ranges [first, last) to do.
+SomeLoop = Callable[[int, Sweep, int, int], None]
 
 #: The fewest objects worth handing to a thread.
 FEWEST = 128
@@ -27,44 +31,65 @@ class Objects:
     Parameters
     ----------
     buffer : int
-        Bytes of one read buffer; each worker has up to three a stream.
+        Bytes of one read buffer; each worker has up to four a stream.
+    lazy : bool
+        Whether geometry is read only where it is asked for.
     """
 
-    def __init__(self, store: Store, group: Group, workers: Workers, buffer: int) -> None:
+    def __init__(
+        self, store: Store, group: Group, workers: Workers, buffer: int, lazy: bool
+    ) -> None:
         self.group = group
+        self.lazy = lazy
         self._workers = workers
-        self._sweeps: list[list[Sweep]] = []
+        self._sweeps: dict[int, list[Sweep]] = {}
         for stream in group.streams:
             ids = [i for i in group.outliers if i >> INDEX_BITS == stream.number]
             outliers = np.array([i & ((1 << INDEX_BITS) - 1) for i in ids], np.int64)
-            first = Sweep(stream, store.origin, outliers, buffer)
+            first = Sweep(stream, store.origin, outliers, buffer, lazy=lazy)
             others = [
-                Sweep(stream, store.origin, outliers, buffer, first.tapes)
+                Sweep(stream, store.origin, outliers, buffer, first.tapes, lazy)
                 for _ in range(workers.threads - 1)
             ]
-            self._sweeps.append([first, *others])
+            self._sweeps[stream.number] = [first, *others]
 
-    def each(self, loop: Loop, streams: set[int] | None = None) -> int:
-        """One pass: call `loop` for all objects, chunk by chunk; returns how many they were.
+    def each(self, loop: Loop) -> int:
+        """One pass: call `loop` for all objects, chunk by chunk; returns how many they were."""
+        for stream in self.group.streams:
+            self.begin(stream)
 
-        With `streams` only those, by number, are swept.
-        """
-        swept = 0
-        for stream, sweeps in zip(self.group.streams, self._sweeps, strict=True):
-            if streams is not None and stream.number not in streams:
-                continue
-            for sweep in sweeps:
-                sweep.rewind()
-
-            def chunk(worker: int, first: int, last: int, sweeps: list[Sweep] = sweeps) -> None:
-                sweeps[worker].window(first, last)
-                loop(worker, sweeps[worker], first, last)
+            def chunk(worker: int, first: int, last: int, stream: Stream = stream) -> None:
+                sweep = self._sweeps[stream.number][worker]
+                sweep.window(first, last)
+                loop(worker, sweep, first, last)
 
             self._workers.run(chunk, stream.count, smallest=FEWEST)
-            swept += stream.count
-        return swept
+        return sum(stream.count for stream in self.group.streams)
+
+    def begin(self, stream: Stream) -> None:
+        """Go back to a stream's first object."""
+        for sweep in self._sweeps[stream.number]:
+            sweep.rewind()
+
+    def some(
+        self, stream: Stream, ranges: NDArray[np.int64], loop: SomeLoop, *, together: int
+    ) -> None:
+        """Call `loop` for ranges (n, 2) of a stream's objects, ascending, and behind those that
+        were swept since `begin`; for up to so many `together`."""
+
+        def chunk(worker: int, first: int, last: int) -> None:
+            sweep = self._sweeps[stream.number][worker]
+            sweep.window(int(ranges[first, 0]), int(ranges[last - 1, 1]))
+            loop(worker, sweep, first, last)
+
+        self._workers.run(chunk, len(ranges), largest=together)
 
     def counts(self) -> tuple[int, int]:
         """Bytes read and seeks since the last call."""
-        counts = [tape.counts() for sweeps in self._sweeps for tape in sweeps[0].tapes]
+        tapes = [tape for sweeps in self._sweeps.values() for tape in sweeps[0].tapes]
+        counts = [tape.counts() for tape in tapes]
         return sum(c[0] for c in counts), sum(c[1] for c in counts)
+
+    def geometry_read(self) -> int:
+        """Objects whose geometry was read since the last call."""
+        return sum(sweep.counts() for sweeps in self._sweeps.values() for sweep in sweeps)

@@ -9,6 +9,7 @@
       GROUP/KIND/boxes           float32 boxes, rounded outwards (spheres go without)
       GROUP/KIND/offsets         polygons: where each ends, in vertices, uint32
       GROUP/KIND/materials       one integer an object, 1, 2 or 4 bytes (absent: all are the first)
+      GROUP/KIND/level1 ...      the hierarchy: boxes around runs of boxes of the level below
       GROUP/marks                voxel marks, made by the first render
 
 ``open`` reads the header and asks for the sizes of the files; `Store.verify` reads everything.
@@ -27,14 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
-from bfrt.records import BOX_BYTES, INDEX_BITS, MATERIAL, OFFSET_BYTES, SCALARS, Kind
+from bfrt.records import BOX_BYTES, INDEX_BITS, MATERIAL, OFFSET_BYTES, PARENT_BYTES, SCALARS, Kind
 from bfrt.scene.extent import NOTHING, Bounds
-from bfrt.scene.header import HEADER_FIELDS, header_text
+from bfrt.scene.header import HEADER_FIELDS, digest_of, header_text
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Vector
 from bfrt.streams.aside import refused
 
 MAGIC = "bfrt scene store"
-VERSION = 1
+VERSION = 2
 HEADER = "scene.json"
 PALETTE = "palette"
 
@@ -61,6 +63,7 @@ class Stream:
     material_bytes: int
     vertices: int
     largest: int
+    levels: tuple[int, ...]
     files: dict[str, FileFacts]
 
     @property
@@ -86,6 +89,8 @@ class Stream:
             sizes["offsets"] = self.count * OFFSET_BYTES
         if self.material_bytes:
             sizes["materials"] = self.count * self.material_bytes
+        for number, count in enumerate(self.levels, 1):
+            sizes[f"level{number}"] = count * PARENT_BYTES
         return sizes
 
 
@@ -116,6 +121,8 @@ class Store:
     lights: list[Light]
     background: tuple[float, float, float]
     palette: FileFacts
+    hierarchy: Hierarchy
+    hierarchy_seconds: float
     checksum: int
     header_bytes: int = field(repr=False)
 
@@ -245,8 +252,8 @@ def _parse(path: Path, data: bytes) -> Store:
     if not _is_whole(header, data):
         raise StoreError(f"{file}: the header is damaged: its checksum does not match")
     try:
-        return _store(path, HEADER_FIELDS(header), len(data))
-    except ValueError as error:
+        return _store(path, HEADER_FIELDS(header), digest_of(header), len(data))
+    except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{file}: {error}") from None
 
 
@@ -258,7 +265,7 @@ def _is_whole(header: dict[str, Any], data: bytes) -> bool:
         return False
 
 
-def _store(path: Path, header: dict[str, Any], size: int) -> Store:
+def _store(path: Path, header: dict[str, Any], digest: int, size: int) -> Store:
     store = Store(
         path=path,
         origin=header["origin"],
@@ -268,7 +275,9 @@ def _store(path: Path, header: dict[str, Any], size: int) -> Store:
         lights=list(header["lights"]),
         background=header["background"],
         palette=FileFacts(**header["palette"]),
-        checksum=header["checksum"],
+        hierarchy=Hierarchy(**header["hierarchy"]),
+        hierarchy_seconds=header["hierarchy_seconds"],
+        checksum=digest,
         header_bytes=size,
     )
     materials, rest = divmod(store.palette.bytes, MATERIAL.itemsize)

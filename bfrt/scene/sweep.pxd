@@ -6,8 +6,8 @@ from libc.string cimport memcpy
 from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_load
-from bfrt.records cimport POLYGON
-from bfrt.streams.reader cimport Reader, take
+from bfrt.records cimport POLYGON, SPHERE
+from bfrt.streams.reader cimport Reader, skip, take
 
 cdef enum:
     BOX_BYTES = 24
@@ -25,38 +25,86 @@ cdef class Sweep:
     cdef readonly tuple tapes
     cdef Frame frame
     cdef size_t stride
+    cdef readonly bint lazy
     cdef int64_t index     # of the next object
-    cdef uint32_t vertex   # polygons: where the last one ended
+    cdef uint32_t vertex   # polygons: where the one before it ends
+    cdef int64_t fetched   # of the next object, or vertex, in the geometry
     cdef uint32_t material  # the one, where all have it
     cdef int material_bytes
+    cdef int64_t material_at  # the object whose material is read next, by `pick_material`
     cdef const int64_t[::1] outliers
     cdef Py_ssize_t outlier
-    # The objects that `advance_block` came to:
-    cdef const unsigned char* record
-    cdef uint32_t count    # vertices, of a polygon
+    cdef readonly int64_t geometry_read  # objects whose geometry was read
+    # The block that `advance_block` came to:
+    cdef int64_t first     # its first object
+    cdef uint32_t ends[BLOCK + 1]  # polygons: where each begins, in vertices, and the last ends
+    cdef const unsigned char* record  # their records, where they lie together, or NULL
+    cdef uint32_t count    # vertices of the polygon that `fetch` gave
     cdef Box box[BLOCK]
 
     cpdef int window(self, int64_t first, int64_t last) except -1
     cdef int64_t end_of(self, int64_t index) except -1
     cpdef int material_window(self, int64_t first, int64_t last) except -1
+    cdef int refuse(self, int64_t vertex) except -1 nogil
+
+
+cdef inline int advance_to(Sweep s, int64_t index) except -1 nogil:
+    """Go forward to an object of the window; what lies between is skipped."""
+    cdef int64_t n = index - s.index
+    if n <= 0:
+        return 0
+    if s.kind == POLYGON:
+        skip(s.offsets, (n - 1) * OFFSET_BYTES)
+        s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
+    if s.boxes is not None:
+        skip(s.boxes, n * BOX_BYTES)
+    s.index = index
+    return 0
+
+
+cdef inline const unsigned char* records_of(Sweep s, int64_t at, int64_t n) except NULL nogil:
+    """The records (vertices, of polygons) [at, at + n) of the geometry."""
+    if at < s.fetched:
+        s.refuse(at)
+    skip(s.geometry, (at - s.fetched) * <int64_t>s.stride)
+    s.fetched = at + n
+    return take(s.geometry, n * s.stride)
+
+
+cdef inline const unsigned char* fetch(Sweep s, int i) except NULL nogil:
+    """The record of object i of the block, which stays where it is until the next; `count` too.
+
+    In ascending order. What a lazy sweep does not fetch is not read.
+    """
+    s.geometry_read += s.lazy
+    if s.kind == POLYGON:
+        s.count = s.ends[i + 1] - s.ends[i]
+    if s.record != NULL:
+        return s.record + i * s.stride
+    if s.kind == POLYGON:
+        return records_of(s, s.ends[i], s.count)
+    return records_of(s, s.first + i, 1)
 
 
 cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
     """Come to the next objects, up to `most` and BLOCK: their records alone; returns n >= 1.
 
-    Polygons, whose records are not of one size, come one at a time.
+    A sweep that is not lazy reads all of them; polygons then come one at a time, for their
+    records are not of one size.
     """
-    cdef uint32_t end
     cdef int n = <int>(most if most < BLOCK else BLOCK)
-    s.count = 0
+    s.first = s.index
+    s.record = NULL
     if s.kind == POLYGON:
-        n = 1
-        end = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
-        s.count = end - s.vertex
-        s.vertex = end
-        s.record = take(s.geometry, s.stride * s.count)
-    else:
-        s.record = take(s.geometry, s.stride * n)
+        n = n if s.lazy else 1
+        s.ends[0] = s.vertex
+        memcpy(&s.ends[1], take(s.offsets, OFFSET_BYTES * n), OFFSET_BYTES * n)
+        s.vertex = s.ends[n]
+        if not s.lazy:
+            s.record = records_of(s, s.ends[0], s.ends[1] - s.ends[0])
+    elif s.kind == SPHERE or not s.lazy:
+        s.record = records_of(s, s.first, n)
+    s.geometry_read += 0 if s.lazy else n
     s.index += n
     return n
 
@@ -64,7 +112,6 @@ cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
 cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
     """Come to the next objects, up to `most` and BLOCK: records and boxes; returns n >= 1."""
     cdef int n = advance_records(s, most)
-    cdef int64_t first = s.index - n
     cdef int i
     cdef Sphere sphere
     if s.boxes is not None:
@@ -76,14 +123,34 @@ cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
             else:
                 box_clear(&s.box[i])
     while s.outlier < s.outliers.shape[0] and s.outliers[s.outlier] < s.index:
-        box_clear(&s.box[s.outliers[s.outlier] - first])
+        if s.outliers[s.outlier] >= s.first:
+            box_clear(&s.box[s.outliers[s.outlier] - s.first])
         s.outlier += 1
     return n
 
 
 cdef inline int advance(Sweep s) except -1 nogil:
-    """Come to the next object."""
-    return advance_block(s, 1)
+    """Come to the next object, and its record."""
+    advance_block(s, 1)
+    s.record = fetch(s, 0)
+    return 0
+
+
+cdef inline const unsigned char* pick(Sweep s, int64_t index) except NULL nogil:
+    """The record of one object of the window, ahead of the last: its geometry alone is read."""
+    cdef uint32_t begin = s.vertex
+    s.geometry_read += 1
+    if s.kind != POLYGON:
+        s.index = index + 1
+        return records_of(s, index, 1)
+    if index > s.index:
+        skip(s.offsets, (index - s.index - 1) * OFFSET_BYTES)
+        begin = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
+    s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
+    s.count = s.vertex - begin
+    s.first = index
+    s.index = index + 1
+    return records_of(s, begin, s.count)
 
 
 cdef inline int advance_materials(Sweep s, int n, uint32_t* materials) except -1 nogil:
@@ -103,3 +170,13 @@ cdef inline int advance_materials(Sweep s, int n, uint32_t* materials) except -1
         else:
             materials[i] = (<const uint32_t*>p)[i]
     return 0
+
+
+cdef inline uint32_t pick_material(Sweep s, int64_t index) except? 0xFFFFFFFF nogil:
+    """The material of that object."""
+    cdef uint32_t material
+    if s.materials is not None:
+        skip(s.materials, (index - s.material_at) * s.material_bytes)
+    s.material_at = index + 1
+    advance_materials(s, 1, &material)
+    return material

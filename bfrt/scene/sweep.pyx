@@ -30,9 +30,12 @@ cdef class Sweep:
         Bytes of each read buffer; more where the largest polygon needs it.
     tapes : tuple of Tape, optional
         The open files of another sweep, to share.
+    lazy : bool
+        Whether only those records are read that are asked for (the paper's refinement G).
     """
 
-    def __cinit__(self, stream, origin, const int64_t[::1] outliers, size_t capacity, tapes=None):
+    def __cinit__(self, stream, origin, const int64_t[::1] outliers, size_t capacity, tapes=None,
+                  bint lazy=False):
         names = ["geometry"]
         self.kind = stream.kind
         self.number = stream.number
@@ -50,13 +53,14 @@ cdef class Sweep:
             names.append("materials")
         self.tapes = tapes or tuple(Tape(stream.path(name)) for name in names)
         largest = self.stride * max(BLOCK, stream.largest)
-        self.geometry = Reader(self.tapes[0], max(capacity, largest))
+        self.lazy = lazy
+        self.geometry = Reader(self.tapes[0], max(capacity, largest), lazy)
         if self.kind != SPHERE:
-            self.boxes = Reader(self.tapes[1], capacity)
+            self.boxes = Reader(self.tapes[1], capacity, lazy)
         if self.kind == POLYGON:
-            self.offsets = Reader(self.tapes[2], capacity // 8)
+            self.offsets = Reader(self.tapes[2], capacity // 8, lazy)
         if self.material_bytes:
-            self.materials = Reader(self.tapes[len(names) - 1], capacity // 8)
+            self.materials = Reader(self.tapes[len(names) - 1], capacity // 8, lazy)
         self.rewind()
 
     def rewind(self):
@@ -68,7 +72,7 @@ cdef class Sweep:
             self.offsets.rewind()
         if self.materials is not None:
             self.materials.rewind()
-        self.index = self.vertex = self.outlier = 0
+        self.index = self.vertex = self.outlier = self.fetched = 0
 
     cpdef int window(self, int64_t first, int64_t last) except -1:
         """Go forward to object `first`, to read up to `last` (exclusive)."""
@@ -86,6 +90,7 @@ cdef class Sweep:
         if self.boxes is not None:
             self.boxes.window(first * BOX_BYTES, last * BOX_BYTES)
         self.index = first
+        self.fetched = begin
         while self.outlier < self.outliers.shape[0] and self.outliers[self.outlier] < first:
             self.outlier += 1
         return 0
@@ -99,8 +104,22 @@ cdef class Sweep:
         single.window(index * OFFSET_BYTES, (index + 1) * OFFSET_BYTES)
         return (<const uint32_t*>take(single, OFFSET_BYTES))[0]
 
+    def counts(self):
+        """Objects whose geometry was read since the last call."""
+        count, self.geometry_read = self.geometry_read, 0
+        return count
+
+    cdef int refuse(self, int64_t vertex) except -1 nogil:
+        """Polygons whose ends do not ascend would have the reader go back."""
+        with gil:
+            raise StoreError(
+                f"{self.offsets.tape.path}: objects {self.first} to {self.index}: found a polygon "
+                f"that begins at vertex {vertex}, expected {self.fetched} or more"
+            )
+
     cpdef int material_window(self, int64_t first, int64_t last) except -1:
         """The same for materials, which only shading reads."""
+        self.material_at = first
         if self.materials is not None:
             self.materials.window(first * self.material_bytes, last * self.material_bytes)
         return 0

@@ -11,6 +11,7 @@ import logging
 import os
 import secrets
 import shutil
+import time
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
@@ -26,6 +27,7 @@ from bfrt.records import MATERIAL, SCALARS, Kind
 from bfrt.scene.columns import Prepared, StreamWriter, prepare
 from bfrt.scene.extent import Extent
 from bfrt.scene.header import header_text
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
 from bfrt.scene.store import (
     HEADER,
@@ -62,6 +64,8 @@ class SceneWriter:
     origin : (3,) array_like, optional
         What boxes and float32 coordinates are relative to, world units. By default zero where
         the first block is float32, and the center of the first block where it is float64.
+    hierarchy : Hierarchy, optional
+        Settings of the box hierarchy, which is made when all objects are written.
     durable : bool
         Whether the store outlives a loss of power once it has its name; of no use for one that is
         removed after a render.
@@ -89,6 +93,7 @@ class SceneWriter:
         *,
         dtype: Any = None,
         origin: ArrayLike | None = None,
+        hierarchy: Hierarchy | None = None,
         durable: bool = True,
     ) -> None:
         self.path = Path(path)
@@ -96,6 +101,7 @@ class SceneWriter:
             raise SettingError(f"dtype: found {dtype!r}, expected float32, float64 or None")
         self._dtype = None if dtype is None else np.dtype(dtype)
         self._origin = None if origin is None else _triple("origin", origin)
+        self._hierarchy = hierarchy or Hierarchy()
         self._durable = durable
         self._streams: dict[Kind, StreamWriter] = {}
         self._extent = Extent()
@@ -364,6 +370,7 @@ class SceneWriter:
     def _header(self) -> dict[str, Any]:
         streams = [self._streams[kind].close() for kind in sorted(self._streams)]
         self._palette.close()
+        seconds = self._make_levels(streams)
         outliers, grid_bounds = self._extent.outliers()
         group = {"streams": streams, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
         return {
@@ -376,7 +383,22 @@ class SceneWriter:
             "lights": self._lights,
             "background": self._background,
             "palette": {"bytes": self._palette.bytes, "crc32": self._palette.checksum},
+            "hierarchy": asdict(self._hierarchy),
+            "hierarchy_seconds": seconds,
         }
+
+    def _make_levels(self, streams: list[dict[str, Any]]) -> float:
+        """Make the hierarchies, and enter them in the streams' parts of the header; seconds."""
+        start = time.perf_counter()
+        for header in streams:
+            stream = self._streams[Kind(header["kind"])]
+            bounds, origin = self._extent.bounds, self._origin or (0.0, 0.0, 0.0)
+            levels = stream.make_levels(self._hierarchy, bounds, origin)
+            header["levels"] = [level.count for level in levels]
+            for number, level in enumerate(levels, 1):
+                facts = {"bytes": level.file.bytes, "crc32": level.file.checksum}
+                header["files"][f"level{number}"] = facts
+        return time.perf_counter() - start
 
     def _rename(self) -> None:
         """Take the name; a store that had it steps aside first, and goes when all is well."""

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 
@@ -39,6 +40,7 @@ class Balls(SpdScene):
     """The balls of `size` generations."""
 
     name = "balls"
+    hierarchy = Hierarchy(t=0.5)
     camera = Camera(eye=(2.1, 1.3, 1.7), at=(0.0, 0.0, 0.0), angle=45.0, hither=0.01)
     lights = (Light((4.0, 3.0, 2.0)), Light((1.0, -4.0, 4.0)), Light((-3.0, 1.0, 5.0)))
     background = (0.078, 0.361, 0.753)

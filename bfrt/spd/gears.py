@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 
@@ -37,6 +38,7 @@ class Gears(SpdScene):
     """The gears of a block of `size` on a side."""
 
     name = "gears"
+    hierarchy = Hierarchy(t=0.5)
     camera = Camera(eye=(-1.1, -2.1, 2.6), at=(0.0, 0.0, 0.0), angle=45.0)
     lights = tuple(
         Light(position)

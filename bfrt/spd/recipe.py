@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from bfrt.errors import Cancelled, DiskFullError, SettingError
 from bfrt.records import BOX_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
 from bfrt.scene.store import Store, open_store
 from bfrt.scene.writer import SceneWriter
@@ -116,6 +117,8 @@ class SpdScene(abc.ABC):
     lights: tuple[Light, ...]
     background: Vector
     materials: tuple[Material, ...]
+    #: The paper's settings for this scene.
+    hierarchy = Hierarchy()
 
     def __init__(self, size: int) -> None:
         self.size = operator.index(size)
@@ -143,7 +146,8 @@ class SpdScene(abc.ABC):
 
     @property
     def store_bytes(self) -> int:
-        """What its store takes on disk, without the header; known before anything is made."""
+        """What its store takes on disk at the most, without the header and the hierarchy, which is
+        a twentieth of it or less; known before anything is made."""
         width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
         total = len(self.materials) * MATERIAL_BYTES
         for kind, count in self.counts.items():
@@ -191,6 +195,7 @@ class SpdScene(abc.ABC):
         self,
         path: str | os.PathLike[str],
         *,
+        hierarchy: Hierarchy | None = None,
         threads: int | None = None,
         progress: Report | None = None,
     ) -> Store:
@@ -200,6 +205,8 @@ class SpdScene(abc.ABC):
         ----------
         path : path-like
             The store to make.
+        hierarchy : Hierarchy, optional
+            Settings of the box hierarchy; by default those that the paper has for the scene.
         threads : int, optional
             That make blocks; by default all cores that this process may use.
         progress : callable, optional
@@ -213,7 +220,9 @@ class SpdScene(abc.ABC):
             If `progress` returned False. Nothing is left behind.
         """
         check_room(path, self.store_bytes)
-        with SceneWriter(path, dtype=np.float32, origin=(0.0, 0.0, 0.0)) as writer:
+        with SceneWriter(
+            path, dtype=np.float32, origin=(0.0, 0.0, 0.0), hierarchy=hierarchy or self.hierarchy
+        ) as writer:
             self.feed(writer, usable_threads() if threads is None else threads, progress)
         return open_store(path)
 

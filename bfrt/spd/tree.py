@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
+from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 
@@ -33,6 +34,7 @@ class Tree(SpdScene):
     """The tree of `size` generations of forks."""
 
     name = "tree"
+    hierarchy = Hierarchy(t=0.5)
     camera = Camera(eye=(4.5, 0.4, 2.0), at=(0.0, 0.0, 1.5), angle=45.0)
     lights = tuple(
         Light(position)

@@ -26,6 +26,8 @@ cdef class Reader:
     cdef const unsigned char* end
     cdef unsigned char* buffer
     cdef size_t capacity
+    cdef size_t least      # bytes of a read after a jump
+    cdef size_t span       # bytes of the next read: twice the last, up to the capacity
     cdef int64_t position
     cdef int64_t stop
     cdef readonly Tape tape
@@ -34,6 +36,7 @@ cdef class Reader:
     cdef const unsigned char* refill(self, size_t n) except NULL nogil
     cdef int read_more(self, size_t wanted) except -1 nogil
     cdef int jump(self, int64_t n) except -1 nogil
+    cdef int pass_over(self, int64_t n) except -1 nogil
 
 
 cdef inline const unsigned char* take(Reader r, size_t n) except NULL nogil:
@@ -46,8 +49,8 @@ cdef inline const unsigned char* take(Reader r, size_t n) except NULL nogil:
 
 
 cdef inline int skip(Reader r, int64_t n) except -1 nogil:
-    """Go n bytes forward."""
+    """Go n bytes forward: a short way by reading on, a long one by a seek."""
     if n <= r.end - r.at:
         r.at += n
         return 0
-    return r.jump(n)
+    return r.pass_over(n)

@@ -18,6 +18,7 @@ from bfrt.phases.eye import EyeRays
 from bfrt.records import NO_HIT
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects
+from bfrt.rendering import REFINEMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))
@@ -29,13 +30,15 @@ DTYPES = (np.float32, np.float64)
 def check(store, origins, directions, scratch, capacities, sorts=None):
     """Both kinds of rays, by both paths; returns the fast path's answer."""
     t, ids = exhaustive.nearest(store, origins, directions)
-    found = fast.nearest(store, origins, directions, scratch, capacities)
-    different = (found.t != t) | (found.ids != ids)
-    assert not different.any(), (np.flatnonzero(different)[:9], sorts and sorts[different])
     dark = exhaustive.occluded(store, origins, directions, fast.SHADOW_END)
-    np.testing.assert_array_equal(
-        fast.occluded(store, origins, directions, scratch, capacities), dark
-    )
+    for refine in REFINEMENTS:
+        found = fast.nearest(store, origins, directions, scratch, capacities, refine)
+        different = (found.t != t) | (found.ids != ids)
+        wrong = np.flatnonzero(different)[:9]
+        assert not different.any(), (refine, wrong, sorts and sorts[different])
+        np.testing.assert_array_equal(
+            fast.occluded(store, origins, directions, scratch, capacities, refine), dark
+        )
     return found
 
 

@@ -1,0 +1,133 @@
+"""The walk down a stream's hierarchy: a parent near no ray is skipped with all below it."""
+
+cimport cython
+from libc.stdint cimport int64_t
+
+from bfrt.geometry.box cimport Box
+from bfrt.geometry.lattice cimport Lattice
+from bfrt.phases.nearby cimport rays_near
+from bfrt.phases.voxel_rays cimport VoxelRays
+from bfrt.records cimport Parent
+from bfrt.streams.reader cimport Reader, skip, take
+from bfrt.errors import StoreError
+from bfrt.streams.reader import Tape
+
+cdef enum:
+    LEVELS = 9  # the objects' own boxes, and MOST_LEVELS of bfrt.scene.hierarchy
+    PARENT_BYTES = sizeof(Parent)
+    JOINED = 1024  # objects of neighboring parents that make one range; more make work uneven
+
+
+@cython.final
+cdef class Selection:
+    """The objects of a stream that a pass has to look at, as ranges, in order.
+
+    Each level is read forwards, and only those of its records whose parents are near rays.
+
+    Parameters
+    ----------
+    stream : bfrt.scene.store.Stream
+        One with levels.
+    capacity : int
+        Bytes of each level's read buffer.
+    """
+
+    cdef readonly tuple tapes
+    cdef list readers          # of level 1, 2, ...
+    cdef object path
+    cdef int64_t counts[LEVELS]  # boxes of each level; of level 0, objects
+    cdef int64_t next[LEVELS]  # record to read
+    cdef int64_t end[LEVELS]   # of those whose parent is at hand
+    cdef int64_t child[LEVELS]  # where that record's children begin
+    cdef int top
+    cdef int level             # that is being read, or more than top at the end
+    cdef int64_t boxes_read
+
+    def __cinit__(self, stream, size_t capacity):
+        cdef int k
+        self.top = len(stream.levels)
+        if not 0 < self.top < LEVELS:
+            raise ValueError(f"selection: found {self.top} levels, expected 1 to {LEVELS - 1}")
+        self.path = stream.folder
+        self.tapes = tuple(Tape(stream.path(f"level{k}")) for k in range(1, self.top + 1))
+        self.readers = [Reader(tape, capacity, True) for tape in self.tapes]
+        for k, count in enumerate([stream.count, *stream.levels]):
+            self.counts[k] = count
+        self.rewind()
+
+    def rewind(self):
+        """Begin again at the first object."""
+        cdef Reader reader
+        cdef int k
+        for k in range(1, self.top + 1):
+            reader = self.readers[k - 1]
+            reader.rewind()
+            reader.window(0, self.counts[k] * PARENT_BYTES)
+            self.next[k] = self.end[k] = self.child[k] = 0
+        self.end[self.top] = self.counts[self.top]
+        self.level = self.top
+
+    def select(self, Lattice lattice, VoxelRays voxel_rays, int64_t[:, ::1] ranges):
+        """Find the next ranges of objects.
+
+        Parameters
+        ----------
+        ranges : (capacity, 2) int64
+            OUT. First and end of each, ascending.
+
+        Returns
+        -------
+        int
+            How many; 0 at the end.
+        """
+        cdef Parent parent
+        cdef int64_t begin, n = 0
+        cdef int k
+        while self.level <= self.top and n < ranges.shape[0]:
+            k = self.level
+            if self.next[k] == self.end[k]:
+                self.level += 1
+                continue
+            begin = self.child[k]
+            parent = self.read(k)
+            self.boxes_read += 1
+            if not rays_near(<const Box*>&parent, &lattice.grid, voxel_rays):
+                continue
+            if k > 1:
+                self.descend(k - 1, begin, parent.end)
+            elif n and ranges[n - 1, 1] == begin and parent.end - ranges[n - 1, 0] <= JOINED:
+                ranges[n - 1, 1] = parent.end
+            else:
+                ranges[n, 0], ranges[n, 1] = begin, parent.end
+                n += 1
+        return n
+
+    cdef Parent read(self, int k) except *:
+        """The next record of a level."""
+        cdef Parent parent = (<const Parent*>take(<Reader>self.readers[k - 1], PARENT_BYTES))[0]
+        self.next[k] += 1
+        if not 0 < parent.end <= self.counts[k - 1] or parent.end < self.child[k]:
+            raise StoreError(
+                f"{self.path}: level {k}: found a box whose children end at {parent.end}, "
+                f"expected {self.child[k]} to {self.counts[k - 1]}"
+            )
+        self.child[k] = parent.end
+        return parent
+
+    cdef int descend(self, int k, int64_t begin, int64_t end) except -1:
+        """Go on with the records [begin, end) of level k; the one before tells where their
+        children begin."""
+        cdef int64_t between = begin - self.next[k]
+        if between > 0:
+            skip(<Reader>self.readers[k - 1], (between - 1) * PARENT_BYTES)
+            self.next[k] = begin - 1
+            self.read(k)
+        self.end[k] = end
+        self.level = k
+        return 0
+
+    def counts_read(self):
+        """Boxes, bytes and seeks since the last call."""
+        boxes, self.boxes_read = self.boxes_read, 0
+        counts = [tape.counts() for tape in self.tapes]
+        return boxes, sum(c[0] for c in counts), sum(c[1] for c in counts)

@@ -1,0 +1,9 @@
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+class Merger:
+    def __init__(self, limit: float) -> None: ...
+    def merge(self, boxes: NDArray[np.float32], out: NDArray[Any]) -> int: ...
+    def finish(self, out: NDArray[Any]) -> int: ...

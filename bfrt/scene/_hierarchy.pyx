@@ -1,0 +1,76 @@
+"""Sequential merging: boxes in, in their order, fewer and larger boxes out."""
+
+cimport cython
+from libc.stdint cimport int64_t
+
+from bfrt.geometry.box cimport Box, box_clear, box_empty, box_union
+from bfrt.records cimport Parent
+
+
+cdef inline double area_of(const Box* b) noexcept nogil:
+    """The surface of a box."""
+    cdef double x, y, z
+    if box_empty(b):
+        return 0.0
+    x = <double>b.hi[0] - b.lo[0]
+    y = <double>b.hi[1] - b.lo[1]
+    z = <double>b.hi[2] - b.lo[2]
+    return 2.0 * (x * y + y * z + z * x)
+
+
+@cython.final
+cdef class Merger:
+    """Makes one level of a hierarchy of the one below (the paper's section 3.1).
+
+    Parameters
+    ----------
+    limit : float
+        The surface that a merged box has at the most: T A_all.
+    """
+
+    cdef Box box[2]  # what is merged so far, and the next
+    cdef double limit
+    cdef int64_t end
+
+    def __cinit__(self, double limit):
+        self.limit = limit
+        box_clear(&self.box[0])
+
+    def merge(self, const float[:, ::1] boxes, Parent[::1] out):
+        """Take the next boxes.
+
+        Parameters
+        ----------
+        boxes : (n, 6) float32
+            IN.
+        out : (n or more,) records.PARENT
+            OUT. The boxes that are complete.
+
+        Returns
+        -------
+        int
+            How many are complete.
+        """
+        cdef int64_t i, made = 0
+        cdef Box both
+        with nogil:
+            for i in range(boxes.shape[0]):
+                self.box[1] = (<const Box*>&boxes[i, 0])[0]
+                box_union(&self.box[0], 2, &both)
+                if self.end == 0 or area_of(&both) <= self.limit:
+                    self.box[0] = both
+                else:
+                    (<Box*>&out[made].lox)[0] = self.box[0]
+                    out[made].end = self.end
+                    made += 1
+                    self.box[0] = self.box[1]
+                self.end += 1
+        return made
+
+    def finish(self, Parent[::1] out):
+        """Complete the last box; how many that makes."""
+        if self.end == 0:
+            return 0
+        (<Box*>&out[0].lox)[0] = self.box[0]
+        out[0].end = self.end
+        return 1

@@ -1,0 +1,175 @@
+"""The box hierarchy: levels of merged boxes over a stream's own (the paper's refinement B).
+
+::
+
+    level 2    |        box, end 3         |    box, end 5   |        32 bytes each
+                    |                               |
+    level 1    | end 4 | end 9 | end 12    | end 20 | end 31 |
+                   |
+    boxes      0 1 2 3 | 4 ...                                        the objects' own
+
+A box's children are those from where the one before it ends. Boxes are merged in the order of the
+objects while the surface of the result is at most T of the whole scene's, T = (s / N^(1/3))^2 for
+N boxes: that of a cube of s voxels, were there as many voxels as boxes. Where N is small, or enough
+levels are made, one last level takes t for T.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import SettingError
+from bfrt.records import PARENT
+from bfrt.scene._hierarchy import Merger
+from bfrt.scene.extent import Bounds
+from bfrt.streams.aside import refused
+from bfrt.streams.writer import FileWriter
+
+#: The most levels that a stream may have; each takes a read buffer while a scene is rendered.
+MOST_LEVELS = 8
+
+Boxes = Iterable[NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """Settings of a hierarchy, by the paper's letters.
+
+    Parameters
+    ----------
+    s : float
+        The side of a merged box, in those of cubes as many as there are boxes; more than 0.
+    n : int
+        Of so few boxes the last level is made.
+    l : int
+        The last level, 1 to 8, if none before it was.
+    t : float
+        T for the last level: 1 merges all that is left.
+
+    Raises
+    ------
+    SettingError
+        If a setting is out of range.
+    """
+
+    s: float = 3.0
+    n: int = 1000
+    l: int = 4  # noqa: E741 (the paper's letter)
+    t: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.s < math.inf and self.n >= 1 and 0.0 <= self.t < math.inf):
+            raise SettingError(f"hierarchy: found {self}, expected s > 0, n >= 1 and t >= 0")
+        if not 1 <= self.l <= MOST_LEVELS:
+            raise SettingError(f"hierarchy: found l={self.l}, expected 1 to {MOST_LEVELS}")
+
+    def threshold(self, count: int, level: int) -> tuple[float, bool]:
+        """T for the `level` over `count` boxes, and whether that is the last."""
+        if count <= self.n or level >= self.l:
+            return self.t, True
+        return (self.s / count ** (1 / 3)) ** 2, False
+
+
+def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
+    """Settings of ``"s=3,n=1000,l=4,t=1"``, any of them; the others are the default's.
+
+    Raises
+    ------
+    SettingError
+        If it is something else.
+    """
+    base = default or Hierarchy()
+    kinds = {f.name: type(getattr(base, f.name)) for f in fields(base)}
+    given = {f.name: getattr(base, f.name) for f in fields(base)}
+    for part in text.split(","):
+        name, _, value = part.strip().partition("=")
+        try:
+            given[name] = kinds[name](value)
+        except (KeyError, ValueError):
+            raise SettingError(
+                f"hierarchy: found {part!r}, expected settings such as s=3,n=1000,l=4,t=1"
+            ) from None
+    return Hierarchy(**given)
+
+
+def area_of(bounds: Bounds) -> float:
+    """The surface of bounds."""
+    if bounds.empty:
+        return 0.0
+    x, y, z = (bounds.hi - bounds.lo).tolist()
+    return float(2.0 * (x * y + y * z + z * x))
+
+
+class Level:
+    """One level as it is made."""
+
+    def __init__(self, path: Path, limit: float, durable: bool) -> None:
+        self.file = FileWriter(path, durable)
+        self.count = 0
+        self._merger = Merger(limit)
+
+    def add(self, boxes: NDArray[np.float32]) -> None:
+        """Take the next boxes (n, 6) of the level below."""
+        made = np.empty(len(boxes), PARENT)
+        self._keep(made[: self._merger.merge(boxes, made)])
+
+    def finish(self) -> None:
+        """Complete the last one, and the file."""
+        made = np.empty(1, PARENT)
+        self._keep(made[: self._merger.finish(made)])
+        self.file.close()
+
+    def _keep(self, made: NDArray[np.void]) -> None:
+        self.file.write(made)
+        self.count += len(made)
+
+
+def make_levels(
+    folder: Path, boxes: Boxes, count: int, bounds: Bounds, settings: Hierarchy, durable: bool
+) -> list[Level]:
+    """Make the levels of a stream, in files ``level1``, ``level2`` ... of its folder.
+
+    Each is made in one pass over the one below, whose number of boxes has to be known.
+
+    Parameters
+    ----------
+    boxes : iterable of (n, 6) float32
+        Of all objects, in their order.
+    count : int
+        How many they are.
+    bounds : Bounds
+        The whole scene's.
+    """
+    levels: list[Level] = []
+    last = count == 0
+    try:
+        while not last:
+            ratio, last = settings.threshold(count, len(levels) + 1)
+            path = folder / f"level{len(levels) + 1}"
+            levels.append(Level(path, ratio * area_of(bounds), durable))
+            for block in boxes:
+                levels[-1].add(block)
+            levels[-1].finish()
+            boxes, count = level_boxes(path), levels[-1].count
+    except BaseException:
+        for level in levels:
+            level.file.abandon()
+        raise
+    return levels
+
+
+def level_boxes(path: Path) -> Iterator[NDArray[np.float32]]:
+    """The boxes of a level, block by block."""
+    try:
+        with path.open("rb") as file:
+            while block := file.read(PARENT.itemsize << 15):
+                numbers = np.frombuffer(block, "<f4").reshape(-1, PARENT.itemsize // 4)
+                yield np.ascontiguousarray(numbers[:, :6])
+    except OSError as error:
+        raise refused(path, 0, error, "reading") from error
