@@ -121,7 +121,9 @@ def test_rings_7_has_the_packages_counts(tmp_path):
 
 
 def test_statistics_have_their_keys_and_add_up(glass):
-    stats = bfrt.render(glass, memory="256MiB", threads=2, fresh_marks=True).stats.as_dict()
+    stats = bfrt.render(
+        glass, memory="256MiB", threads=2, refine="base", fresh_marks=True
+    ).stats.as_dict()
     assert json.loads(json.dumps(stats)).keys() >= KEYS
     assert stats["settings"] == {
         "refine": "base", "memory": 256 << 20, "threads": 2, "depth": 5,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError
+from bfrt.errors import SceneError, ShortReadError
 from bfrt.records import BOX_BYTES, INDEX_BITS, SCALARS, Kind
 from bfrt.scene._bounds import bound
 from bfrt.scene.extent import Bounds, Extent
@@ -241,6 +241,8 @@ def _blocks(path: Path, size: int) -> Iterator[bytes]:
     try:
         with path.open("rb") as file:
             while block := file.read(BLOCK * size):
+                if len(block) % size:
+                    raise ShortReadError(path, file.tell() - len(block) % size, size, len(block))
                 yield block
     except OSError as error:
         raise refused(path, 0, error, "reading") from error

@@ -31,7 +31,7 @@ def header_text(header: dict[str, Any]) -> str:
 
 def digest_of(header: dict[str, Any]) -> int:
     """A checksum of the scene alone: stores that differ in their hierarchies have the same."""
-    own = ("hierarchy", "hierarchy_seconds", "checksum")
+    own = ("hierarchy", "checksum")
     scene = {key: value for key, value in header.items() if key not in own}
     scene["groups"] = [
         {**group, "streams": [_without_levels(stream) for stream in group["streams"]]}
@@ -206,6 +206,8 @@ HEADER_FIELDS = fields(
     background=vector,
     palette=FACTS,
     hierarchy=HIERARCHY,
-    hierarchy_seconds=real,
     checksum=whole(1 << 32),
 )
+
+#: What was measured while a store was made: beside the header, which the same scene makes the same.
+MADE_FIELDS = fields(hierarchy_seconds=real, checksum=whole(1 << 32))

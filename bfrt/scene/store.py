@@ -4,6 +4,7 @@
 
     X.bfrt/
       scene.json                 header: format, origin, bounds, camera, lights, streams, checksums
+      made.json                  what was measured while the store was made
       palette                    materials, 32 bytes each
       GROUP/KIND/geometry        records, in input order
       GROUP/KIND/boxes           float32 boxes, rounded outwards (spheres go without)
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from bfrt.errors import StoreError
 from bfrt.records import BOX_BYTES, INDEX_BITS, MATERIAL, OFFSET_BYTES, PARENT_BYTES, SCALARS, Kind
 from bfrt.scene.extent import NOTHING, Bounds
-from bfrt.scene.header import HEADER_FIELDS, digest_of, header_text
+from bfrt.scene.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Vector
 from bfrt.streams.aside import refused
@@ -38,6 +39,7 @@ from bfrt.streams.aside import refused
 MAGIC = "bfrt scene store"
 VERSION = 2
 HEADER = "scene.json"
+MADE = "made.json"
 PALETTE = "palette"
 
 
@@ -276,7 +278,7 @@ def _store(path: Path, header: dict[str, Any], digest: int, size: int) -> Store:
         background=header["background"],
         palette=FileFacts(**header["palette"]),
         hierarchy=Hierarchy(**header["hierarchy"]),
-        hierarchy_seconds=header["hierarchy_seconds"],
+        hierarchy_seconds=_made(path / MADE),
         checksum=digest,
         header_bytes=size,
     )
@@ -286,6 +288,23 @@ def _store(path: Path, header: dict[str, Any], digest: int, size: int) -> Store:
     if not store.groups:
         raise ValueError("groups: found none, expected one or more")
     return store
+
+
+def _made(file: Path) -> float:
+    """The seconds that the hierarchy took."""
+    try:
+        data = file.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        raise StoreError(f"{file}: the file is missing") from None
+    except OSError as error:
+        raise refused(file, 0, error, "reading") from error
+    try:
+        made = json.loads(data)
+        if _is_whole(made, data):
+            return float(MADE_FIELDS(made)["hierarchy_seconds"])
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        pass
+    raise StoreError(f"{file}: the file is damaged: its checksum does not match")
 
 
 def _group(path: Path, number: int, group: dict[str, Any]) -> Group:

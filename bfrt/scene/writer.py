@@ -31,6 +31,7 @@ from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
 from bfrt.scene.store import (
     HEADER,
+    MADE,
     MAGIC,
     PALETTE,
     VERSION,
@@ -347,9 +348,7 @@ class SceneWriter:
         """Complete the store and give it its name; returns it, opened."""
         self._check_open()
         try:
-            header = self._header()
-            with FileWriter(self._aside / HEADER, self._durable) as file:
-                file.write(header_text(header).encode())
+            self._put(HEADER, self._header())
             for folder, _, _ in os.walk(self._aside) if self._durable else ():
                 sync_folder(Path(folder))
             open_store(self._aside)  # what replaces a store is whole
@@ -370,7 +369,7 @@ class SceneWriter:
     def _header(self) -> dict[str, Any]:
         streams = [self._streams[kind].close() for kind in sorted(self._streams)]
         self._palette.close()
-        seconds = self._make_levels(streams)
+        self._make_levels(streams)
         outliers, grid_bounds = self._extent.outliers()
         group = {"streams": streams, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
         return {
@@ -384,11 +383,10 @@ class SceneWriter:
             "background": self._background,
             "palette": {"bytes": self._palette.bytes, "crc32": self._palette.checksum},
             "hierarchy": asdict(self._hierarchy),
-            "hierarchy_seconds": seconds,
         }
 
-    def _make_levels(self, streams: list[dict[str, Any]]) -> float:
-        """Make the hierarchies, and enter them in the streams' parts of the header; seconds."""
+    def _make_levels(self, streams: list[dict[str, Any]]) -> None:
+        """Make the hierarchies, and enter them in the streams' parts of the header."""
         start = time.perf_counter()
         for header in streams:
             stream = self._streams[Kind(header["kind"])]
@@ -398,7 +396,11 @@ class SceneWriter:
             for number, level in enumerate(levels, 1):
                 facts = {"bytes": level.file.bytes, "crc32": level.file.checksum}
                 header["files"][f"level{number}"] = facts
-        return time.perf_counter() - start
+        self._put(MADE, {"hierarchy_seconds": time.perf_counter() - start})
+
+    def _put(self, name: str, fields: dict[str, Any]) -> None:
+        with FileWriter(self._aside / name, self._durable) as file:
+            file.write(header_text(fields).encode())
 
     def _rename(self) -> None:
         """Take the name; a store that had it steps aside first, and goes when all is well."""

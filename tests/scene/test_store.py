@@ -68,6 +68,7 @@ def files_of(path):
 
 NAMES = [
     *(f"0/{kind}/geometry" for kind in ("cone", "patch", "polygon", "sphere", "triangle")),
+    *(f"0/{kind}/level1" for kind in ("cone", "patch", "polygon", "sphere", "triangle")),
     *(f"0/{kind}/boxes" for kind in ("cone", "patch", "polygon", "triangle")),
     "0/polygon/offsets",
     *(f"0/{kind}/materials" for kind in ("cone", "patch", "polygon", "sphere", "triangle")),
@@ -76,7 +77,7 @@ NAMES = [
 
 
 def test_the_files_of_a_store(whole):
-    assert files_of(whole) == sorted([*NAMES, "0/marks", "scene.json"])
+    assert files_of(whole) == sorted([*NAMES, "0/marks", "made.json", "scene.json"])
     store = bfrt.open(whole)
     assert {p for p, _ in store.files()} == {whole / name for name in NAMES}
     sizes = sum((whole / name).stat().st_size for name in [*NAMES, "scene.json"])
@@ -147,8 +148,8 @@ def test_a_header_that_may_not_be_read(path):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("version", 2, "found format version 2, expected 1: convert the scene again"),
-        ("version", "1", "found format version '1', expected 1"),
+        ("version", 1, "found format version 1, expected 2: convert the scene again"),
+        ("version", "1", "found format version '1', expected 2"),
         ("magic", "another", "found 'another', expected 'bfrt scene store'"),
         ("magic", ["x"] * 999, "expected 'bfrt scene store'"),
     ],
@@ -163,17 +164,17 @@ def test_another_version_or_magic(path, key, value, message):
 
 
 DEEP = b"[" * 100_000
-NESTED = b'{"magic": "bfrt scene store", "version": 1, "x": ' + b"[" * 900 + b"]" * 900 + b"}"
+NESTED = b'{"magic": "bfrt scene store", "version": 2, "x": ' + b"[" * 900 + b"]" * 900 + b"}"
 
 
 @given(data=st.binary(max_size=200))
 @example(data=b"")
 @example(data=b"null")
 @example(data=b'{"magic": "bfrt scene store"}')
-@example(data=b'{"magic": "bfrt scene store", "version": 1}')
-@example(data=b'{"magic": "bfrt scene store", "version": 1, "checksum": NaN}')
-@example(data=b'{"magic": "bfrt scene store", "version": 1, "checksum": 1e999}')
-@example(data=b'{"magic": "bfrt scene store", "version": 1, "x": "\\ud800"}')
+@example(data=b'{"magic": "bfrt scene store", "version": 2}')
+@example(data=b'{"magic": "bfrt scene store", "version": 2, "checksum": NaN}')
+@example(data=b'{"magic": "bfrt scene store", "version": 2, "checksum": 1e999}')
+@example(data=b'{"magic": "bfrt scene store", "version": 2, "x": "\\ud800"}')
 @example(data=b'{"magic": {}, "version": ' + b"9" * 5000 + b"}")
 @example(data=b"\xff\xfe{\x00}\x00")
 @example(data=DEEP)
@@ -296,7 +297,7 @@ def used(store):
         (("lights", 0), [], "lights: found [], expected a list of 2"),
         (("palette", "bytes"), 97, "palette: found 97 bytes"),
         (("more",), 1, "expected an object with magic, version, origin"),
-        (("version",), True, "version: found True, expected a whole number"),
+        (("version",), 2.0, "version: found 2.0, expected a whole number"),
     ],
 )
 def test_a_malformed_field_is_named(path, way, value, message):

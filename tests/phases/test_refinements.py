@@ -1,0 +1,182 @@
+"""The paper's refinements change what is read, never what is seen."""
+
+from __future__ import annotations
+
+import fast
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bfrt
+from bfrt.errors import SettingError, StoreError
+from bfrt.geometry.lattice import Lattice
+from bfrt.phases._selection import Selection
+from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.records import PARENT
+from bfrt.rendering import REFINEMENTS
+from bfrt.scene.hierarchy import Hierarchy
+from bfrt.workers import Workers
+
+#: Two sizes of each scene that finish soon.
+SIZES = {
+    "balls": (2, 3), "gears": (1, 2), "mount": (3, 5), "rings": (2, 4),
+    "teapot": (3, 6), "tetra": (3, 5), "tree": (4, 7),
+}  # fmt: skip
+
+
+def pixels(image):
+    return {name: channel.tobytes() for name, channel in image.channels.items()}
+
+
+@pytest.mark.parametrize("name", bfrt.spd.NAMES)
+def test_pictures_and_rays_are_the_same(name, tmp_path):
+    for size in SIZES[name]:
+        scene = bfrt.spd.scene(name, size)
+        deep = Hierarchy(s=2.0, n=4, l=4, t=0.3)
+        store = scene.write(tmp_path / f"{size}.bfrt", hierarchy=deep)
+        camera = bfrt.Camera(
+            scene.camera.eye, scene.camera.at, scene.camera.up, resolution=(64, 64)
+        )
+        images = {
+            r: bfrt.render(store, memory="256MiB", camera=camera, refine=r) for r in REFINEMENTS
+        }
+        base = images["base"]
+        for image in images.values():
+            assert pixels(image) == pixels(base)
+            assert image.stats.total.rays == base.stats.total.rays
+
+
+def test_less_is_read(tmp_path):
+    """Two clouds, of which one is looked at: the other's geometry is never read."""
+    rng = np.random.default_rng(1)
+    centers = rng.uniform(-1, 1, (200_000, 3)).astype(np.float32)
+    centers[100_000:, 0] += 100
+    corners = centers[:, None] + rng.normal(0, 0.01, (200_000, 3, 3)).astype(np.float32)
+    with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
+        writer.camera(bfrt.Camera((0, -5, 0), (0, 0, 0), resolution=(64, 64)))
+        writer.light(bfrt.Light((0, -50, 0)))
+        writer.triangles(corners)
+    totals = {}
+    for refine in REFINEMENTS:
+        stats = bfrt.render(
+            tmp_path / "a.bfrt", memory="256MiB", refine=refine, fresh_marks=True
+        ).stats
+        total = totals[refine] = stats.total
+        assert stats.settings["refine"] == refine
+        assert (stats.hierarchy_seconds > 0) == (refine == "sgb")
+        assert total.phases.intersection.seeks > 0
+    read = {r: sum(p.bytes_read for p in vars(t.phases).values()) for r, t in totals.items()}
+    assert read["sgb"] < read["sg"] < read["base"]
+    assert totals["sgb"].boxes_read < totals["sg"].boxes_read < totals["base"].boxes_read
+    assert totals["sg"].geometry_read < totals["base"].geometry_read / 10
+    assert totals["sg"].geometry_read == pytest.approx(totals["sgb"].geometry_read, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [("balls", 7), ("gears", 20), ("mount", 10), ("rings", 37), ("teapot", 126), ("tetra", 10),
+     ("tree", 19)],
+)  # fmt: skip
+def test_less_is_read_of_every_scene_of_a_million(name, size, tmp_path):
+    store = bfrt.spd.scene(name, size).write(tmp_path / "a.bfrt")
+    read, images = {}, {}
+    for refine in REFINEMENTS:
+        image = images[refine] = bfrt.render(
+            store, memory="256MiB", refine=refine, fresh_marks=True
+        )
+        phases = vars(image.stats.total.phases).values()
+        read[refine] = sum(phase.bytes_read for phase in phases)
+        assert sum(phase.seeks for phase in phases) > 0
+        assert pixels(image) == pixels(images["base"])
+        assert image.stats.total.rays == images["base"].stats.total.rays
+    assert read["sgb"] < read["sg"] < read["base"]
+
+
+def test_a_refinement_that_is_none(tmp_path):
+    store = bfrt.spd.tetra(2).write(tmp_path / "a.bfrt")
+    with pytest.raises(SettingError, match="refine: found 'fast', expected one of base, sg, sgb"):
+        bfrt.render(store, refine="fast")
+
+
+def occupied(shape, voxels):
+    """Voxel rays with one candidate in each of some voxels."""
+    rays = VoxelRays(shape, max(1, len(voxels)))
+    rays.slots[: len(voxels)] = np.sort(voxels).astype(np.uint64) << np.uint64(24)
+    rays.sort(np.array([0]), np.array([len(voxels)]), Workers(1))
+    return rays
+
+
+@given(seed=st.integers(0, 2**32), n=st.integers(1, 400), room=st.sampled_from([1, 3, 1000]))
+def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room):
+    """What is left out is in no occupied voxel, by brute force."""
+    rng = np.random.default_rng(seed)
+    folder = tmp_path_factory.mktemp("selection")
+    centers = np.clip(np.cumsum(rng.normal(0, 0.5, (n, 3)), axis=0), -9, 9).astype(np.float32)
+    settings = Hierarchy(s=rng.uniform(1, 4), n=3, l=int(rng.integers(1, 5)), t=rng.random())
+    with bfrt.SceneWriter(folder / "a.bfrt", hierarchy=settings) as writer:
+        writer.spheres(centers, np.float32(0.2))
+    (stream,) = bfrt.open(folder / "a.bfrt").streams
+    shape = tuple(int(k) for k in rng.integers(1, 40, 3))
+    lattice = Lattice((-10.0,) * 3, (10.0,) * 3, shape, 1e-6)
+    voxels = np.unique(rng.integers(0, np.prod(shape), rng.integers(0, 6)))
+    selection, ranges, found = Selection(stream, 4096), np.empty((room, 2), np.int64), []
+    while k := selection.select(lattice, occupied(shape, voxels), ranges):
+        found.extend(range(a, b) for a, b in ranges[:k].tolist())
+    chosen = [i for part in found for i in part]
+    assert chosen == sorted(set(chosen)) and set(chosen) <= set(range(n))
+    z, y, x = np.unravel_index(voxels, shape[::-1])
+    for i in set(range(n)) - set(chosen):
+        box = np.concatenate([centers[i] - np.float32(0.2), centers[i] + np.float32(0.2)])
+        lo, hi = lattice.range_of(box.astype(np.float32))
+        inside = [(lo[k] <= at) & (at <= hi[k]) for k, at in enumerate((x, y, z))]
+        assert not np.logical_and.reduce(inside).any()
+
+
+def test_a_hierarchy_that_lies_is_refused(tmp_path):
+    """Its sizes are right, its contents are not: a sentence, no crash."""
+    bfrt.spd.rings(2).write(tmp_path / "a.bfrt", hierarchy=Hierarchy(s=1.0, n=2, l=3))
+    rng = np.random.default_rng(2)
+    refused = 0
+    for stream in bfrt.open(tmp_path / "a.bfrt").streams:
+        for number in range(1, len(stream.levels) + 1):
+            path = stream.path(f"level{number}")
+            whole = np.fromfile(path, PARENT)
+            for end in (-1, 0, 1 << 60, int(rng.integers(1 << 40))):
+                broken = whole.copy()
+                broken["end"][rng.integers(len(whole))] = end
+                broken.tofile(path)
+                try:
+                    bfrt.render(tmp_path / "a.bfrt", memory="256MiB")
+                except StoreError as error:
+                    assert "found a box whose children end at" in str(error)
+                    refused += 1
+            whole.tofile(path)
+    assert refused > 5
+    bfrt.open(tmp_path / "a.bfrt").verify()
+
+
+def test_polygons_whose_ends_descend_are_refused(tmp_path):
+    store = bfrt.spd.gears(1).write(tmp_path / "a.bfrt")
+    (stream,) = store.streams
+    ends = np.fromfile(stream.path("offsets"), "<u4")
+    for refine in REFINEMENTS:
+        broken = ends.copy()
+        broken[20:60] = ends[20:60][::-1]
+        broken.tofile(stream.path("offsets"))
+        with pytest.raises((StoreError, bfrt.ShortReadError)):
+            bfrt.render(tmp_path / "a.bfrt", memory="256MiB", refine=refine)
+
+
+def test_seven_levels_of_everything(tmp_path):
+    """A chain in which each level has one box less is walked to its end."""
+    centers = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(s=1e-6, n=1, l=8, t=0.0)) as w:
+        w.spheres(centers, 0.4)
+    store = bfrt.open(tmp_path / "a.bfrt")
+    assert store.streams[0].levels == (9,) * 8
+    ways = np.tile([0.0, 0.0, 1.0], (9, 1))
+    origins = centers - np.array(store.origin) - [0, 0, 5]
+    found = fast.nearest(store, origins, ways, tmp_path)
+    np.testing.assert_allclose(found.t, 4.6)

@@ -1,0 +1,159 @@
+"""A hierarchy is what sequential merging makes of the boxes, and never loses an object."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bfrt
+from bfrt.errors import SettingError
+from bfrt.records import PARENT, Kind
+from bfrt.scene._hierarchy import Merger
+from bfrt.scene.extent import Bounds
+from bfrt.scene.hierarchy import Hierarchy, area_of, make_levels, parse_hierarchy
+
+
+def random_boxes(rng, n):
+    """Small boxes on a walk, a few large ones, and empty ones of degenerate objects."""
+    center = np.cumsum(rng.normal(0, 0.1, (n, 3)), axis=0)
+    half = 10.0 ** rng.uniform(-2, 0, (n, 1))
+    boxes = np.hstack([center - half, center + half]).astype(np.float32)
+    boxes[rng.random(n) < 0.1] = [np.inf] * 3 + [-np.inf] * 3
+    return boxes
+
+
+def area(lo, hi):
+    x, y, z = np.maximum(hi - lo, 0.0)
+    return 2 * (x * y + y * z + z * x)
+
+
+def slow_merge(boxes, limit):
+    """The paper's steps 1 and 2, word for word."""
+    made, now = [], None
+    for index, box in enumerate(boxes.astype(np.float64)):
+        both = (
+            box
+            if now is None
+            else np.concatenate([np.minimum(now[:3], box[:3]), np.maximum(now[3:], box[3:])])
+        )
+        if now is None or area(both[:3], both[3:]) <= limit:
+            now = both
+        else:
+            made.append((*now, index))
+            now = box
+    if now is not None:
+        made.append((*now, len(boxes)))
+    return made
+
+
+def merged(boxes, limit, cuts):
+    merger, parts = Merger(limit), []
+    for a, b in itertools.pairwise([0, *cuts, len(boxes)]):
+        out = np.empty(b - a, PARENT)
+        parts.append(out[: merger.merge(boxes[a:b], out)])
+    last = np.empty(1, PARENT)
+    parts.append(last[: merger.finish(last)])
+    return np.concatenate(parts).tolist()
+
+
+@given(seed=st.integers(0, 2**32), n=st.integers(0, 200), data=st.data())
+def test_merging_is_the_papers(seed, n, data):
+    rng = np.random.default_rng(seed)
+    boxes, limit = random_boxes(rng, n), 10.0 ** rng.uniform(-3, 3)
+    cuts = sorted(data.draw(st.lists(st.integers(0, n), max_size=5)))
+    assert merged(boxes, limit, cuts) == slow_merge(boxes, limit)
+
+
+@given(seed=st.integers(0, 2**32), n=st.integers(1, 3000))
+def test_every_level_holds_the_one_below(tmp_path_factory, seed, n):
+    rng = np.random.default_rng(seed)
+    boxes = random_boxes(rng, n)
+    settings = Hierarchy(
+        s=rng.uniform(0.5, 6),
+        n=int(rng.integers(1, 500)),
+        l=int(rng.integers(1, 5)),
+        t=rng.random(),
+    )
+    whole = boxes[boxes[:, 0] <= boxes[:, 3]].astype(np.float64)
+    bounds = Bounds(whole[:, :3].min(axis=0, initial=0), whole[:, 3:].max(axis=0, initial=0))
+    folder = tmp_path_factory.mktemp("levels")
+    levels = make_levels(folder, [boxes], n, bounds, settings, False)
+    below = boxes
+    for number, level in enumerate(levels, 1):
+        records = np.fromfile(folder / f"level{number}", PARENT)
+        assert len(records) == level.count
+        ends = records["end"]
+        assert ends[-1] == len(below) and (np.diff(ends, prepend=0) > 0).all()
+        ratio, last = settings.threshold(len(below), number)
+        assert last == (number == len(levels))
+        assert records.tolist() == slow_merge(below, ratio * area_of(bounds))
+        numbers = records.view("<f4").reshape(-1, 8)
+        below = np.ascontiguousarray(numbers[:, :6])
+    assert len(levels) <= settings.l
+
+
+def test_threshold_is_a_cube_of_s_voxels():
+    settings = Hierarchy(s=3.0)
+    ratio, last = settings.threshold(27_000_000, 1)
+    assert ratio == pytest.approx((3 / 300) ** 2, rel=1e-12) and not last
+    assert settings.threshold(1000, 1) == settings.threshold(10**9, 4) == (1.0, True)
+
+
+def test_settings_of_the_paper():
+    assert Hierarchy() == Hierarchy(s=3.0, n=1000, l=4, t=1.0)
+    for name in bfrt.spd.NAMES:
+        expected = 0.5 if name in ("balls", "gears", "tree") else 1.0
+        assert bfrt.spd.scene(name, 2).hierarchy == Hierarchy(t=expected)
+
+
+def test_settings_as_text():
+    assert parse_hierarchy("s=2, t=0.25") == Hierarchy(s=2.0, t=0.25)
+    assert parse_hierarchy("n=5,l=2", Hierarchy(t=0.5)) == Hierarchy(n=5, l=2, t=0.5)
+    for text in ("", "s", "s=x", "q=1", "n=1.5", "s=1;t=2"):
+        with pytest.raises(SettingError, match="expected settings such as s=3"):
+            parse_hierarchy(text)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"s": 0}, {"s": np.nan}, {"n": 0}, {"l": 0}, {"l": 9}, {"t": -1}]
+)
+def test_settings_out_of_range(wrong):
+    with pytest.raises(SettingError, match="hierarchy: found"):
+        Hierarchy(**wrong)
+
+
+def test_the_store_keeps_settings_levels_and_time(tmp_path):
+    settings = Hierarchy(s=2.0, n=10, l=3, t=0.5)
+    store = bfrt.spd.rings(3).write(tmp_path / "a.bfrt", hierarchy=settings)
+    other = bfrt.spd.rings(3).write(tmp_path / "b.bfrt")
+    assert store.hierarchy == settings and store.hierarchy_seconds > 0
+    assert store.checksum == other.checksum  # the scene is the same
+    levels = {s.kind: s.levels for s in store.streams}
+    assert len(levels[Kind.SPHERE]) > 1 and levels[Kind.POLYGON] == (1,)
+    assert levels[Kind.SPHERE][0] < 420
+    for stream in store.streams:
+        assert set(stream.levels) and stream.path("level1").stat().st_size == 32 * stream.levels[0]
+    assert (
+        bfrt.convert("spd:rings:3", tmp_path / "c.bfrt", hierarchy=settings).hierarchy == settings
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_boxes_of_spheres_are_worked_out_again(tmp_path, dtype):
+    rng = np.random.default_rng(3)
+    centers = rng.uniform(-1, 1, (500, 3)).astype(dtype)
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(n=1, s=1.0)) as writer:
+        writer.spheres(centers, np.full(500, 0.01, dtype))
+    (stream,) = bfrt.open(tmp_path / "a.bfrt").streams
+    records = np.fromfile(stream.path("level1"), PARENT)
+    moved = centers - np.array(bfrt.open(tmp_path / "a.bfrt").origin)
+    for begin, record in zip([0, *records["end"][:-1]], records, strict=True):
+        part = moved[begin : record["end"]]
+        lo = [record[name] for name in ("lox", "loy", "loz")]
+        hi = [record[name] for name in ("hix", "hiy", "hiz")]
+        np.testing.assert_allclose(lo, part.min(axis=0) - 0.01, atol=1e-6)
+        np.testing.assert_allclose(hi, part.max(axis=0) + 0.01, atol=1e-6)
