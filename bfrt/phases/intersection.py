@@ -25,8 +25,8 @@ from bfrt.stats import Counters, Phase
 SELECTED = 16384
 LEVEL_BUFFER = 1 << 16
 
-#: Ranges that a thread takes at once: where many rays are, few objects are much work.
-TOGETHER = 4
+#: Objects that a thread takes at once, about: where many rays are, few objects are much work.
+TOGETHER = 2048
 
 
 class Selections:
@@ -91,14 +91,16 @@ def intersect_all(
         for stream in objects.group.streams:
             objects.begin(stream)
             for ranges in selections.of(stream, flight, voxel_rays):
-                swept += int((ranges[:, 1] - ranges[:, 0]).sum())
+                found = int((ranges[:, 1] - ranges[:, 0]).sum())
+                swept += found
+                together = max(1, TOGETHER * len(ranges) // found)
 
                 def some(
                     _: int, sweep: Sweep, a: int, b: int, ranges: NDArray[np.int64] = ranges
                 ) -> None:
                     meet(sweep, ranges[a:b])
 
-                objects.some(stream, ranges, some, together=TOGETHER)
+                objects.some(stream, ranges, some, together=together)
         boxes = swept + selections.count(counters.phases.intersection)
     counters.sweep(boxes, objects)
     counters.phases.intersection.swept(objects)

@@ -9,9 +9,11 @@
     boxes      0 1 2 3 | 4 ...                                        the objects' own
 
 A box's children are those from where the one before it ends. Boxes are merged in the order of the
-objects while the surface of the result is at most T of the whole scene's, T = (s / N^(1/3))^2 for
-N boxes: that of a cube of s voxels, were there as many voxels as boxes. Where N is small, or enough
-levels are made, one last level takes t for T.
+objects while the surface of the result is at most T of the grid's, T = (s / N^(1/3))^2 for N
+boxes: that of a cube of s voxels, were there as many voxels as boxes. Where N is small, or enough
+levels are made, one last level takes t for T. (The paper has the scene's box for the grid's, which
+a ground polygon makes so large that all else is merged into a few boxes; ours stays out of the
+grid, so it does not count here either.)
 """
 
 from __future__ import annotations
@@ -144,7 +146,7 @@ def make_levels(
     count : int
         How many they are.
     bounds : Bounds
-        The whole scene's.
+        Of the group's grid.
     """
     levels: list[Level] = []
     last = count == 0

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import MATERIAL, SCALARS, Kind
 from bfrt.scene.columns import Prepared, StreamWriter, prepare
-from bfrt.scene.extent import Extent
+from bfrt.scene.extent import Bounds, Extent
 from bfrt.scene.header import header_text
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
@@ -369,8 +369,8 @@ class SceneWriter:
     def _header(self) -> dict[str, Any]:
         streams = [self._streams[kind].close() for kind in sorted(self._streams)]
         self._palette.close()
-        self._make_levels(streams)
         outliers, grid_bounds = self._extent.outliers()
+        self._make_levels(streams, grid_bounds)
         group = {"streams": streams, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
         return {
             "magic": MAGIC,
@@ -385,12 +385,12 @@ class SceneWriter:
             "hierarchy": asdict(self._hierarchy),
         }
 
-    def _make_levels(self, streams: list[dict[str, Any]]) -> None:
+    def _make_levels(self, streams: list[dict[str, Any]], bounds: Bounds) -> None:
         """Make the hierarchies, and enter them in the streams' parts of the header."""
         start = time.perf_counter()
         for header in streams:
             stream = self._streams[Kind(header["kind"])]
-            bounds, origin = self._extent.bounds, self._origin or (0.0, 0.0, 0.0)
+            origin = self._origin or (0.0, 0.0, 0.0)
             levels = stream.make_levels(self._hierarchy, bounds, origin)
             header["levels"] = [level.count for level in levels]
             for number, level in enumerate(levels, 1):
