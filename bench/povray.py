@@ -150,7 +150,7 @@ def timed(command: list[str]) -> tuple[float, int]:
     return seconds, usage.ru_maxrss * 1024
 
 
-def compare(name: str, size: int, runs: int, folder: Path, threads: int) -> str:
+def compare(name: str, size: int, runs: int, folder: Path, threads: int, memory: str) -> str:
     """One row of the table."""
     nff, pov = folder / f"{name}{size}.nff", folder / f"{name}{size}.pov"
     with nff.open("w") as file:
@@ -158,7 +158,7 @@ def compare(name: str, size: int, runs: int, folder: Path, threads: int) -> str:
     width, height = write_pov(nff, pov)
     ours = [
         sys.executable, "-m", "bfrt", "render", str(nff), "-o", str(folder / "ours.png"),
-        "--memory", "256MiB", "--threads", str(threads), "--quiet",
+        "--memory", memory, "--threads", str(threads), "--quiet",
     ]  # fmt: skip
     theirs = [
         "povray", f"+I{pov}", f"+O{folder / 'theirs.png'}", f"+W{width}", f"+H{height}", "-D", "-A",
@@ -180,6 +180,7 @@ def main() -> None:
     parser.add_argument("name")
     parser.add_argument("sizes", type=int, nargs="+")
     parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--memory", default="256MiB", help="bfrt's budget")
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     arguments = parser.parse_args()
     if shutil.which("povray") is None:
@@ -187,7 +188,14 @@ def main() -> None:
     print("             bfrt s      MiB  povray s      MiB  faster memory")
     for size in arguments.sizes:
         with tempfile.TemporaryDirectory() as folder:
-            row = compare(arguments.name, size, arguments.runs, Path(folder), arguments.threads)
+            row = compare(
+                arguments.name,
+                size,
+                arguments.runs,
+                Path(folder),
+                arguments.threads,
+                arguments.memory,
+            )
             print(row, flush=True)
 
 

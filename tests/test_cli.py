@@ -1,5 +1,6 @@
 """The command line: what it says, what it leaves, how it ends."""
 
+import io
 import json
 import os
 import re
@@ -107,6 +108,52 @@ def test_spd_makes_stores_and_text(tmp_path):
     assert done.stdout == text.read_text()
     again = bfrt.convert(text, tmp_path / "again.bfrt")
     assert [s.count for s in again.streams] == [s.count for s in bfrt.open(store).streams]
+
+
+def test_spd_says_what_it_will_write(tmp_path):
+    said = run("spd", "tetra", 3, "-o", tmp_path / "a.bfrt").stderr
+    assert said == f"{tmp_path / 'a.bfrt'}: 64 objects, 3,872 bytes\n"
+    assert run("spd", "tetra", 3, "-o", tmp_path / "a.bfrt", "--quiet").stderr == ""
+
+
+def test_spd_has_the_scenes_options(tmp_path, capsys):
+    assert main(["spd", "mount", "2", "--hash", "jenkins", "--nff", str(tmp_path / "a.nff")]) == 0
+    text = (tmp_path / "a.nff").read_text()
+    file = io.StringIO()
+    bfrt.spd.mount(2, "jenkins").write_nff(file)
+    assert text == file.getvalue()
+    assert main(["spd", "rings", "2", "--hash", "jenkins", "--nff", "-"]) == 2
+    assert "found option hash for rings, which has none" in capsys.readouterr().err
+    path = str(tmp_path / "t.bfrt")
+    assert main(["spd", "tree", "3", "-o", path, "--hierarchy", "s=2", "--threads", "1"]) == 0
+    assert bfrt.open(path).hierarchy == bfrt.Hierarchy(s=2.0, t=0.5)  # t is the scene's own
+    assert main(["spd", "tree", "3", "-o", path, "--hierarchy", "s=0"]) == 2
+    assert main(["convert", "spd:tree:3", "-o", path, "--hierarchy", "n=7"]) == 0
+    assert bfrt.open(path).hierarchy.n == 7
+
+
+def test_refinements_and_named_views(tmp_path):
+    path = str(tmp_path / "r.bfrt")
+    assert main(["spd", "rings", "2", "-o", path, "--quiet"]) == 0
+    made = {}
+    for refine in ("base", "sg", "sgb"):
+        out, stats = tmp_path / f"{refine}.npy", tmp_path / f"{refine}.json"
+        arguments = [
+            "render",
+            path,
+            "-o",
+            str(out),
+            "--resolution",
+            "32",
+            "32",
+            "--stats",
+            str(stats),
+        ]
+        arguments += ["--view", "rings368m", "--angle", "40", "--refine", refine]
+        assert main(arguments) == 0
+        made[refine] = out.read_bytes()
+        assert json.loads(stats.read_text())["settings"]["refine"] == refine
+    assert made["base"] == made["sg"] == made["sgb"]
 
 
 def test_info_and_verify(nff, tmp_path, capsys):

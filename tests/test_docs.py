@@ -93,4 +93,4 @@ def test_the_page_names_functions():
 def test_a_function_is_in_the_file_that_the_page_names(file, name):
     texts = [path.read_text() for path in (DOCS.parent / "bfrt").rglob(file)]
     last = name.split(".")[-1]
-    assert any(re.search(rf"(def|class|cdef [\w ]+) {last}\b", text) for text in texts)
+    assert any(re.search(rf"(def|class|cdef [\w *]+) {last}\b", text) for text in texts)

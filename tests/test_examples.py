@@ -15,7 +15,10 @@ import pytest
 import bfrt
 
 ROOT = Path(__file__).resolve().parents[1]
-EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
+SCRIPTS = sorted((ROOT / "docs" / "examples").glob("*.py"))
+#: Those that make one picture of their own name.
+EXAMPLES = [script for script in SCRIPTS if script.stem != "gallery"]
+PICTURES = sorted((ROOT / "docs" / "pictures").glob("*.png"))
 SHOWN = 512
 SIZE = 64
 
@@ -47,22 +50,33 @@ def run(script, *arguments, folder):
 
 
 def test_there_are_examples():
-    assert [script.stem for script in EXAMPLES] == ["balls", "mount", "rings"]
+    assert [script.stem for script in SCRIPTS] == ["balls", "gallery", "mount", "rings"]
 
 
 @pytest.mark.parametrize("script", EXAMPLES, ids=lambda script: script.stem)
 def test_an_example_makes_the_picture_that_is_shown(script, tmp_path):
     run(script, tmp_path, SIZE, folder=ROOT)
-    made = pixels(tmp_path / f"{script.stem}.png").astype(float)
+    is_shown(tmp_path / f"{script.stem}.png", SHOWN)
+
+
+def is_shown(path, side):
+    """A picture is that of its name in the pages, which is `side` pixels wide."""
+    made = pixels(path).astype(float)
     assert made.shape == (SIZE, SIZE, 3)
     assert made.std(axis=(0, 1)).min() > 10.0
-    shown = pixels(ROOT / "docs" / "pictures" / f"{script.stem}.png").astype(float)
-    assert shown.shape == (SHOWN, SHOWN, 3)
-    block = SHOWN // SIZE
+    shown = pixels(ROOT / "docs" / "pictures" / path.name).astype(float)
+    assert shown.shape == (side, side, 3)
+    block = side // SIZE
     small = shown.reshape(SIZE, block, SIZE, block, 3).mean(axis=(1, 3))
-    # Four rays a pixel of the small one against 256: detail differs, the picture does not.
+    # Four rays a pixel of the small one against many: detail differs, the picture does not.
     assert np.abs(made - small).mean() < 15.0
     assert np.corrcoef(made.ravel(), small.ravel())[0, 1] > 0.9
+
+
+def test_the_gallery(tmp_path):
+    run(ROOT / "docs" / "examples" / "gallery.py", tmp_path, SIZE, folder=ROOT)
+    for name in bfrt.spd.NAMES:
+        is_shown(tmp_path / f"spd-{name}.png", 320)
 
 
 def test_without_arguments_the_picture_lies_here(tmp_path):
@@ -70,11 +84,11 @@ def test_without_arguments_the_picture_lies_here(tmp_path):
     assert pixels(tmp_path / "balls.png").shape == (SHOWN, SHOWN, 3)
 
 
-@pytest.mark.parametrize("script", EXAMPLES, ids=lambda script: script.stem)
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_an_example_is_short(script):
     assert len(script.read_text().splitlines()) < 60
 
 
-@pytest.mark.parametrize("script", EXAMPLES, ids=lambda script: script.stem)
-def test_a_shown_picture_is_small(script):
-    assert (ROOT / "docs" / "pictures" / f"{script.stem}.png").stat().st_size < 400_000
+@pytest.mark.parametrize("path", PICTURES, ids=lambda path: path.stem)
+def test_a_shown_picture_is_small(path):
+    assert path.stat().st_size < 400_000

@@ -219,7 +219,7 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
-        check_room(path, self.store_bytes)
+        check_room(path, self.store_bytes + self.store_bytes // 20)  # and the hierarchy
         with SceneWriter(
             path, dtype=np.float32, origin=(0.0, 0.0, 0.0), hierarchy=hierarchy or self.hierarchy
         ) as writer:

@@ -1,0 +1,80 @@
+"""Running a command inside a memory cgroup, on files that are not in the page cache."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+V1 = Path("/sys/fs/cgroup/memory")
+V2 = Path("/sys/fs/cgroup")
+
+#: Exit status of what the kernel kills.
+KILLED = -9
+
+
+def drop(path: Path) -> None:
+    """Take a file, or all of a folder, out of the page cache: others' pages are not charged to a
+    cgroup, and a cache that another process filled makes a reader look good."""
+    if not hasattr(os, "posix_fadvise"):
+        return
+    for file in [path, *path.rglob("*")]:
+        if file.is_file():
+            descriptor = os.open(file, os.O_RDONLY)
+            try:
+                os.fdatasync(descriptor)
+                os.posix_fadvise(descriptor, 0, 0, os.POSIX_FADV_DONTNEED)
+            finally:
+                os.close(descriptor)
+
+
+@contextmanager
+def memory_cap(amount: int) -> Iterator[Path]:
+    """A memory cgroup of `amount` bytes: its folder.
+
+    Raises
+    ------
+    SystemExit
+        Where none can be made: it takes root, and cgroups of version 1 or 2.
+    """
+    root, limit = (V1, "memory.limit_in_bytes") if V1.is_dir() else (V2, "memory.max")
+    group = root / f"bfrt-bench-{os.getpid()}"
+    try:
+        if root == V2:
+            (V2 / "cgroup.subtree_control").write_text("+memory")
+        group.mkdir()
+        (group / limit).write_text(str(amount))
+        if (group / "memory.swap.max").exists():
+            (group / "memory.swap.max").write_text("0")
+    except OSError as error:
+        raise SystemExit(f"no memory cgroup can be made here: {error}") from error
+    try:
+        yield group
+    finally:
+        for _ in range(50):
+            try:
+                group.rmdir()
+                break
+            except OSError:  # its last process is still leaving
+                time.sleep(0.1)
+
+
+def peak_of(group: Path) -> int:
+    """The most bytes that a cgroup has held, page cache included."""
+    for name in ("memory.peak", "memory.max_usage_in_bytes"):
+        if (group / name).exists():
+            return int((group / name).read_text())
+    return 0
+
+
+def run_capped(arguments: list[str], amount: int) -> tuple[int, int]:
+    """Run ``python arguments`` inside a cgroup; its exit status and the cgroup's peak."""
+    with memory_cap(amount) as group:
+        script = 'echo $$ >"$0/cgroup.procs" && exec "$@"'
+        command = ["sh", "-c", script, str(group), sys.executable, *arguments]
+        status = subprocess.run(command, check=False).returncode
+        return status, peak_of(group)
