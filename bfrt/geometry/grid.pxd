@@ -42,12 +42,14 @@ cdef struct Walk:
     double o[3]
     double inv[3]
     double exit[3]  # t where the ray leaves the voxel on each axis
+    const double* border[3]  # the plane by which it does
     int at[3]
     int step[3]
+    int hop[3]      # of the voxel's number, with a step
+    int side[3]     # the face by which a step comes into the next voxel
     uint32_t voxel
     int face
     double enter    # t where the ray came into the voxel
-    int stride[3]
 
 
 cdef inline int locate(const Grid* g, int k, double x) noexcept nogil:
@@ -99,7 +101,7 @@ cdef inline double axis_exit(const Walk* w, int k) noexcept nogil:
 
 
 cdef inline void walk_line(Walk* w, const Grid* g, const Line* l) noexcept nogil:
-    cdef int k
+    cdef int k, stride = 1
     w.grid = g
     w.o[0] = l.o.x
     w.o[1] = l.o.y
@@ -107,19 +109,20 @@ cdef inline void walk_line(Walk* w, const Grid* g, const Line* l) noexcept nogil
     w.inv[0] = l.inv.x
     w.inv[1] = l.inv.y
     w.inv[2] = l.inv.z
-    w.stride[0] = 1
-    w.stride[1] = g.n[0]
-    w.stride[2] = g.n[0] * g.n[1]
     for k in range(3):
         w.step[k] = (w.inv[k] > 0.0) - (w.inv[k] < 0.0)
+        w.hop[k] = w.step[k] * stride
+        w.side[k] = (LOW if w.step[k] > 0 else HIGH) + k
+        stride *= g.n[k]
 
 
 cdef inline void walk_settle(Walk* w) noexcept nogil:
     """Derive the voxel's number and the exits from `at`."""
+    cdef const Grid* g = w.grid
     cdef int k
-    w.voxel = 0
+    w.voxel = <uint32_t>(w.at[0] + g.n[0] * (w.at[1] + g.n[1] * w.at[2]))
     for k in range(3):
-        w.voxel += <uint32_t>(w.at[k] * w.stride[k])
+        w.border[k] = g.plane[k] + w.at[k] + (w.step[k] > 0)
         w.exit[k] = axis_exit(w, k)
 
 
@@ -165,7 +168,7 @@ cdef inline bint walk_start(Walk* w, const Grid* g, const Line* l) noexcept nogi
     w.face = START
     k = entry_axis(w, s.near) if s.near > 0.0 else -1
     if k >= 0:
-        w.face = (LOW if w.step[k] > 0 else HIGH) + k
+        w.face = w.side[k]
     return True
 
 
@@ -209,9 +212,10 @@ cdef inline bint walk_step(Walk* w) noexcept nogil:
     w.at[k] += w.step[k]
     if not 0 <= w.at[k] < w.grid.n[k]:
         return False
-    w.face = (LOW if w.step[k] > 0 else HIGH) + k
-    w.voxel += w.step[k] * w.stride[k]
-    w.exit[k] = axis_exit(w, k)
+    w.face = w.side[k]
+    w.voxel += w.hop[k]
+    w.border[k] += w.step[k]
+    w.exit[k] = (w.border[k][0] - w.o[k]) * w.inv[k]
     return True
 
 

@@ -72,7 +72,7 @@ def test_less_is_read(tmp_path):
     assert read["sgb"] < read["sg"] < read["base"]
     assert totals["sgb"].boxes_read < totals["sg"].boxes_read < totals["base"].boxes_read
     assert totals["sg"].geometry_read < totals["base"].geometry_read / 10
-    assert totals["sg"].geometry_read == pytest.approx(totals["sgb"].geometry_read, rel=0.05)
+    assert totals["sg"].geometry_read == pytest.approx(totals["sgb"].geometry_read, rel=0.2)
 
 
 @pytest.mark.slow
