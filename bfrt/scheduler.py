@@ -29,7 +29,7 @@ from bfrt.image.film import Film
 from bfrt.phases.eye import EyeRays, view_vectors
 from bfrt.phases.intersection import Selections, intersect_all
 from bfrt.phases.outliers import Outliers
-from bfrt.phases.preprocess import lattice_of, preprocess, resolution
+from bfrt.phases.preprocess import darken_all, lattice_of, preprocess, resolution
 from bfrt.phases.shading import Shading
 from bfrt.phases.traversal import Flight, Queue
 from bfrt.phases.voxel_rays import VoxelRays
@@ -85,6 +85,7 @@ class Tracer:
             marks, self.marks_reused = preprocess(
                 store, self.objects, lattice, fresh=fresh_marks, scratch=scratch, counters=counters
             )
+            darken_all(marks, lattice, workers)
         outliers = Outliers(store, group)
         self._voxel_rays = VoxelRays(lattice.shape, capacities.candidates)
         self._flight = Flight(capacities.rays, lattice, marks, outliers, workers)

@@ -22,6 +22,13 @@ cdef enum:
     HIGH = 3
     START = 6
 
+# What a voxel's marks tell beside its six faces: that its cube has none.
+cdef enum:
+    DARK_SHIFT = 2      # cubes of 4 voxels a side ...
+    DARKER_SHIFT = 4    # ... and of 16
+    DARK = 1 << 6
+    DARKER = 1 << 7
+
 cdef enum:
     NOWHERE = 0xFFFFFFFF  # a voxel that is none: the walk has left the grid
 
@@ -40,6 +47,7 @@ cdef struct Range:
 cdef struct Walk:
     const Grid* grid
     double o[3]
+    double d[3]
     double inv[3]
     double exit[3]  # t where the ray leaves the voxel on each axis
     const double* border[3]  # the plane by which it does
@@ -106,6 +114,9 @@ cdef inline void walk_line(Walk* w, const Grid* g, const Line* l) noexcept nogil
     w.o[0] = l.o.x
     w.o[1] = l.o.y
     w.o[2] = l.o.z
+    w.d[0] = l.d.x
+    w.d[1] = l.d.y
+    w.d[2] = l.d.z
     w.inv[0] = l.inv.x
     w.inv[1] = l.inv.y
     w.inv[2] = l.inv.z
@@ -147,18 +158,14 @@ cdef inline bint walk_start(Walk* w, const Grid* g, const Line* l) noexcept nogi
     """
     cdef Span s
     cdef int k
-    cdef double d[3]
     s.near = 0.0
     s.far = INFINITY
     walk_line(w, g, l)
     for k in range(3):
         if not slab_axis(g.plane[k][0], g.plane[k][g.n[k]], w.o[k], w.inv[k], &s):
             return False
-    d[0] = l.d.x
-    d[1] = l.d.y
-    d[2] = l.d.z
     for k in range(3):
-        w.at[k] = locate(g, k, w.o[k] + s.near * d[k] if w.step[k] != 0 else w.o[k])
+        w.at[k] = locate(g, k, w.o[k] + s.near * w.d[k] if w.step[k] != 0 else w.o[k])
         while axis_enter(w, k) > s.near and 0 <= w.at[k] - w.step[k] < g.n[k]:
             w.at[k] -= w.step[k]
         while axis_exit(w, k) < s.near and 0 <= w.at[k] + w.step[k] < g.n[k]:
@@ -216,6 +223,59 @@ cdef inline bint walk_step(Walk* w) noexcept nogil:
     w.voxel += w.hop[k]
     w.border[k] += w.step[k]
     w.exit[k] = (w.border[k][0] - w.o[k]) * w.inv[k]
+    return True
+
+
+cdef inline bint crossed(const Walk* w, int k, int plane, double t, int axis) noexcept nogil:
+    """Whether a walk crosses a plane of axis k before it crosses, at t, one of another axis.
+
+    A step takes the least exit, and of equal ones the first axis.
+    """
+    cdef double own = crossing(w, k, plane)
+    return own < t or (own == t and k < axis)
+
+
+cdef inline bint walk_leave(Walk* w, int shift) noexcept nogil:
+    """On to the first voxel beyond this one's cube of 2^shift a side; false as for `walk_step`.
+
+    The walk is then where so many steps would have brought it, to the last bit: steps come in
+    the order of their crossings, and all that come before the cube's own are taken.
+    """
+    cdef const Grid* g = w.grid
+    cdef double t, leave = INFINITY
+    cdef int k, first, after, at, up, axis = -1, beyond = 0
+    for k in range(3):
+        if w.step[k] == 0:
+            continue
+        first = w.at[k] >> shift << shift
+        after = min(first + (1 << shift), g.n[k])
+        t = crossing(w, k, after if w.step[k] > 0 else first)
+        if t < leave:
+            leave = t
+            axis = k
+            beyond = after if w.step[k] > 0 else first - 1
+    if axis < 0 or not 0 <= beyond < g.n[axis]:
+        return False
+    for k in range(3):
+        if k == axis or w.step[k] == 0:
+            continue
+        first = w.at[k] >> shift << shift
+        after = min(first + (1 << shift), g.n[k])
+        up = w.step[k] > 0
+        t = (w.o[k] + leave * w.d[k] - g.plane[k][0]) * g.inverse[k]
+        if up:
+            at = <int>smaller(larger(t, w.at[k]), after - 1)
+        else:
+            at = <int>smaller(larger(t, first), w.at[k])
+        while crossed(w, k, at + up, leave, axis):
+            at += w.step[k]
+        while at != w.at[k] and not crossed(w, k, at + 1 - up, leave, axis):
+            at -= w.step[k]
+        w.at[k] = at
+    w.at[axis] = beyond
+    walk_settle(w)
+    w.enter = leave
+    w.face = w.side[axis]
     return True
 
 

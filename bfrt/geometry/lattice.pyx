@@ -7,7 +7,7 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.grid cimport (
-    NOWHERE, Range, Walk, box_range, walk_resume, walk_start, walk_step,
+    NOWHERE, Range, Walk, box_range, walk_leave, walk_resume, walk_start, walk_step,
 )
 from bfrt.geometry.vector cimport Line, line, vec
 
@@ -66,10 +66,11 @@ cdef class Lattice:
         box_range(&self.grid, &b, &r)
         return (r.lo[0], r.lo[1], r.lo[2]), (r.hi[0], r.hi[1], r.hi[2])
 
-    def walk(self, origin, direction, uint32_t voxel=NOWHERE, int face=0):
+    def walk(self, origin, direction, uint32_t voxel=NOWHERE, int face=0, int shift=0):
         """The voxels on a ray's way: a list of (voxel, face, t of entry).
 
-        With `voxel` and `face` the walk is taken up there, as from a stored state.
+        With `voxel` and `face` the walk is taken up there, as from a stored state. With `shift`
+        it goes from cube to cube of 2^shift voxels a side, to the first voxel in each.
         """
         cdef Walk w
         cdef Line l = line(
@@ -80,6 +81,6 @@ cdef class Lattice:
         elif not walk_start(&w, &self.grid, &l):
             return []
         way = [(w.voxel, w.face, w.enter)]
-        while walk_step(&w):
+        while walk_leave(&w, shift) if shift else walk_step(&w):
             way.append((w.voxel, w.face, w.enter))
         return way

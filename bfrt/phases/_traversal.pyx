@@ -5,7 +5,8 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 from libc.string cimport memmove
 
 from bfrt.geometry.grid cimport (
-    NOWHERE, START, Walk, voxel_enter, walk_resume, walk_start, walk_step,
+    DARK, DARK_SHIFT, DARKER, DARKER_SHIFT, NOWHERE, START, Walk, voxel_enter, walk_leave,
+    walk_resume, walk_start, walk_step,
 )
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.vector cimport Line
@@ -25,6 +26,14 @@ cdef extern from *:
 
 cdef inline bint marked(const uint8_t* marks, const Walk* w) noexcept nogil:
     return w.face == START or marks[w.voxel] >> w.face & 1
+
+
+cdef inline bint walk_on(const uint8_t* marks, Walk* w) noexcept nogil:
+    """On to the next voxel, or out of a cube without any mark; false when the ray leaves the grid."""
+    cdef uint8_t mark = marks[w.voxel]
+    if mark < DARK:
+        return walk_step(w)
+    return walk_leave(w, DARKER_SHIFT if mark & DARKER else DARK_SHIFT)
 
 
 cdef void enter(const Queued* q, Ray* r, Path* p) noexcept nogil:
@@ -81,7 +90,7 @@ def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base
                     r.voxel = w.voxel
                     r.face = <uint8_t>w.face
                     break
-                if not walk_step(&w):
+                if not walk_on(&marks[0], &w):
                     break
     return steps, box_tests, object_tests, bad
 
@@ -118,7 +127,7 @@ def collect(Ray[::1] rays, int64_t first, int64_t last, Lattice lattice,
             n += 1
             found = 1
             r.voxel = NOWHERE
-            while walk_step(&w) and w.enter <= r.t:
+            while walk_on(&marks[0], &w) and w.enter <= r.t:
                 steps += 1
                 if not marked(&marks[0], &w):
                     continue

@@ -14,19 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
-from bfrt.phases._preprocess import mark
+from bfrt.phases._preprocess import darken, mark
 from bfrt.scene.extent import Bounds
 from bfrt.scene.marks import load_marks, marks_path, save_marks
 from bfrt.scene.objects import Objects
 from bfrt.scene.store import Group, Store
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Counters
+from bfrt.workers import Workers
 
 log = logging.getLogger(__name__)
 
 #: Voxels for each object of the grid. One is the rule's; two measured better, with entry marks,
 #: on rings of 8 thousand and of a million objects: fewer boxes to test, few more steps to walk.
 VOXELS_EACH = 2
+
+#: Voxels a side of the larger cubes that walks leave at once.
+DARKER_CUBE = 16
 
 #: A box grows by this part of the diagonal of the scene's bounds when rays meet it.
 GROW = 2.0**-30
@@ -102,3 +106,15 @@ def preprocess(
     except OSError as error:
         log.warning("marks are not kept for the next render: %s", error)
     return marks, False
+
+
+def darken_all(marks: NDArray[np.uint8], lattice: Lattice, workers: Workers) -> None:
+    """Add to each voxel's marks whether its cubes of 4 and of 16 voxels a side have none.
+
+    Walks leave such a cube at once. This is of the marks in memory; those on disk go without.
+    """
+
+    def chunk(_: int, first: int, last: int) -> None:
+        darken(marks, lattice, first, last)
+
+    workers.run(chunk, -(-lattice.shape[2] // DARKER_CUBE))

@@ -6,6 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scenes import units
 
 from bfrt.geometry.lattice import Lattice
@@ -218,3 +220,31 @@ def test_planes_are_ascending_and_reach_beyond_the_boxes():
         assert planes[-1] >= hi + 2e-8
         assert not planes.flags.writeable
     assert lattice.voxels == 6000
+
+
+@given(seed=st.integers(0, 2**32), shift=st.sampled_from([1, 2, 4]))
+def test_leaving_a_cube_is_walking_out_of_it(seed, shift):
+    """To the last bit, on rays that are parallel, diagonal, through corners, and backwards."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(int(n) for n in rng.integers(1, 40, 3))
+    lattice = Lattice((0.0,) * 3, shape if rng.random() < 0.5 else (1.0, 2.0, 3.0), shape, 0.0)
+    planes = [np.asarray(table) for table in lattice.planes]
+    for turn in range(12):
+        point = np.array([rng.choice(table) for table in planes])  # a corner of voxels
+        way = rng.normal(0, 1, 3)
+        if turn % 3 == 0:
+            way = rng.choice([-1.0, 0.0, 1.0], 3)  # along axes and diagonals
+        if turn % 3 == 1:
+            way[rng.integers(3)] *= 1e-9
+        if not way.any():
+            continue
+        origin = point - way * rng.choice([0.0, 0.5, 1.0, 3.0, 1e6])
+        single = lattice.walk(origin, way)
+        expected, last = [], None
+        for state in single:
+            z, y, x = np.unravel_index(state[0], shape[::-1])
+            cube = (x >> shift, y >> shift, z >> shift)
+            if cube != last:
+                expected.append(state)
+            last = cube
+        assert lattice.walk(origin, way, shift=shift) == expected
