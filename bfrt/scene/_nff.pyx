@@ -75,6 +75,9 @@ cpdef enum Entity:
     PATCH_VERTEX
 
 cdef enum:
+    RECENT = 16  # materials that are found again at once
+
+cdef enum:
     TOKEN_BYTES = 64
     COUNT_LIMIT = 1 << 20
     RESOLUTION_LIMIT = 65535
@@ -341,6 +344,9 @@ cdef class Parser:
     cdef bint in_light  # a light that may yet have a color
     cdef bint painted
     cdef uint32_t paint
+    cdef double recent[RECENT][8]  # the last materials, and their palette indices
+    cdef uint32_t recent_paint[RECENT]
+    cdef int paints  # how many there have been
 
     cdef readonly int have
     cdef readonly int entity
@@ -369,7 +375,7 @@ cdef class Parser:
         self.text.ended = self.text.comment = False
         self.in_view = self.in_light = self.painted = self.viewed = False
         self.seen = 0
-        self.vertex = self.promised = self.vertices = 0
+        self.vertex = self.promised = self.vertices = self.paints = 0
 
     def _own_text(self):
         cdef unsigned char[::1] buffer
@@ -433,8 +439,22 @@ cdef class Parser:
 
     def paint_with(self, uint32_t material):
         """Give the objects from here on this palette index."""
+        cdef int place = self.paints % RECENT
         self.paint = material
         self.painted = True
+        if self.entity == MATERIAL_REST:
+            memcpy(&self.recent[place][0], self.value, 8 * sizeof(double))
+            self.recent_paint[place] = material
+            self.paints += 1
+
+    cdef bint paint_again(self) noexcept nogil:
+        """Whether the material is one of the last few, whose index then is known."""
+        cdef int i
+        for i in range(min(self.paints, RECENT)):
+            if memcmp(&self.recent[i][0], self.value, 8 * sizeof(double)) == 0:
+                self.paint = self.recent_paint[i]
+                return True
+        return False
 
     def take(self, kind):
         """The block of a kind, (records, materials), which the next ``advance`` overwrites."""
@@ -581,7 +601,9 @@ cdef class Parser:
             return self.begin(MATERIAL_REST, 3, 8, 0.0)
         if self.entity == LIGHT_COLOR:
             return LIGHT
-        return MATERIAL if self.entity == MATERIAL_REST else BACKGROUND
+        if self.entity == MATERIAL_REST:
+            return GO_ON if self.paint_again() else MATERIAL
+        return BACKGROUND
 
     cdef int append(self, int kind, const double *record) noexcept nogil:
         cdef Block *block = &self.blocks[kind]
