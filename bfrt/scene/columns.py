@@ -20,6 +20,7 @@ from bfrt.scene.hierarchy import Hierarchy, Level, make_levels
 from bfrt.scene.model import Vector
 from bfrt.streams.aside import refused
 from bfrt.streams.writer import FileWriter
+from bfrt.workers import ahead, usable_threads
 
 #: Objects that are read back at once, for wider materials or for the hierarchy.
 BLOCK = 65536
@@ -228,12 +229,16 @@ def file_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.floa
 
 
 def sphere_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:
-    """The boxes of a complete stream of spheres, worked out again."""
+    """The boxes of a complete stream of spheres, worked out again, on all cores."""
     scalar = "<f8" if stream.wide else "<f4"
-    for block in _blocks(stream.files["geometry"].path, SCALARS[Kind.SPHERE] * int(scalar[2])):
+
+    def boxes(block: bytes) -> NDArray[np.float32]:
         records = np.frombuffer(block, scalar).reshape(-1, SCALARS[Kind.SPHERE])
         none = np.zeros(len(records), np.uint32)
-        yield prepare(Kind.SPHERE, records, none, none, origin).boxes
+        return prepare(Kind.SPHERE, records, none, none, origin).boxes
+
+    blocks = _blocks(stream.files["geometry"].path, SCALARS[Kind.SPHERE] * int(scalar[2]))
+    yield from ahead(boxes, blocks, usable_threads())
 
 
 def _blocks(path: Path, size: int) -> Iterator[bytes]:
