@@ -29,7 +29,7 @@ cdef inline bint marked(const uint8_t* marks, const Walk* w) noexcept nogil:
 
 
 cdef inline bint walk_on(const uint8_t* marks, Walk* w) noexcept nogil:
-    """On to the next voxel, or out of a cube without any mark; false when the ray leaves the grid."""
+    """On to the next voxel, or out of a cube without marks; false when the ray leaves the grid."""
     cdef uint8_t mark = marks[w.voxel]
     if mark < DARK:
         return walk_step(w)
