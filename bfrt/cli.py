@@ -348,22 +348,26 @@ def wants_bar(quiet: bool) -> bool:
 @contextmanager
 def reading_bar(source: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
     """A bar of the bytes of a file that are read."""
-    if not wants_bar(quiet) or not Path(source).is_file():
-        yield None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=Path(source).stat().st_size, unit="B", unit_scale=True, desc="convert") as bar:
-        yield lambda done: bar.update(done - bar.n) and None
+    is_file = Path(source).is_file()
+    total = Path(source).stat().st_size if is_file else 0
+    with bar(total, "B", "convert", quiet or not is_file) as progress:
+        yield progress
 
 
 @contextmanager
 def making_bar(scene: SpdScene, what: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
     """A bar of the objects of a scene that are made, and their rate."""
+    with bar(scene.objects, " objects", what, quiet) as progress:
+        yield progress
+
+
+@contextmanager
+def bar(total: int, unit: str, what: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
+    """A bar that is told how much is done, where one is wanted."""
     if not wants_bar(quiet):
         yield None
         return
     from tqdm import tqdm
 
-    with tqdm(total=scene.objects, unit=" objects", unit_scale=True, desc=what) as bar:
-        yield lambda done: bar.update(done - bar.n) and None
+    with tqdm(total=total, unit=unit, unit_scale=True, desc=what) as shown:
+        yield lambda done: shown.update(done - shown.n) and None

@@ -11,7 +11,7 @@ from bfrt.geometry.vector cimport vec
 from bfrt.phases.nearby cimport rays_near
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport (
-    BRICK_BITS, VoxelRays, brick_word, entry_face, entry_ray, occupied, range_word,
+    BRICK_BITS, VoxelRays, brick_word, covering_level, entry_face, entry_ray, occupied, range_word,
 )
 from bfrt.records cimport INDEX_BITS, Ray
 from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, fetch
@@ -175,20 +175,9 @@ cdef int meet_cube(Search* s, Sweep w, VoxelRays v, int level, int cx, int cy,
     return 0
 
 
-cdef int covering_level(const Range* r, int levels) noexcept nogil:
-    """The finest level of which few bricks cover a range."""
-    cdef int level = 1
-    cdef int k, side = 0
-    for k in range(3):
-        side = max(side, r.hi[k] - r.lo[k])
-    while level < levels and side >> (BRICK_BITS * level) > 1:
-        level += 1
-    return level
-
-
 cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
     """All rays that enter the object's region."""
-    cdef int level = covering_level(&s.range, v.levels)
+    cdef int level = covering_level(v, &s.range.lo[0], &s.range.hi[0])
     cdef int down = BRICK_BITS * level
     cdef int x, y, z
     for z in range(s.range.lo[2] >> down, (s.range.hi[2] >> down) + 1):

@@ -97,3 +97,14 @@ cdef inline uint64_t range_word(const int* lo, const int* hi, int x, int y,
         <uint64_t>run(lo[0], hi[0], x) * spread(run(lo[1], hi[1], y), 4)
         * spread(run(lo[2], hi[2], z), 16)
     )
+
+
+cdef inline int covering_level(VoxelRays v, const int* lo, const int* hi) noexcept nogil:
+    """The finest level of which few cubes cover the voxels lo to hi."""
+    cdef int level = 1
+    cdef int k, side = 0
+    for k in range(3):
+        side = max(side, hi[k] - lo[k])
+    while level < v.levels and side >> (BRICK_BITS * level) > 1:
+        level += 1
+    return level

@@ -220,11 +220,7 @@ cdef class VoxelRays:
     cdef bint any_within(self, const int* lo, const int* hi) noexcept nogil:
         """Whether any of the voxels lo to hi, inclusive, holds a ray."""
         cdef int cube[3]
-        cdef int k, level = 1, side = 0
-        for k in range(3):
-            side = max(side, hi[k] - lo[k])
-        while level < self.levels and side >> (BRICK_BITS * level) > 1:
-            level += 1
+        cdef int level = covering_level(self, lo, hi)
         for cube[2] in range(lo[2] >> BRICK_BITS * level, (hi[2] >> BRICK_BITS * level) + 1):
             for cube[1] in range(lo[1] >> BRICK_BITS * level, (hi[1] >> BRICK_BITS * level) + 1):
                 for cube[0] in range(

@@ -301,6 +301,11 @@ def _numbers(*values: float) -> str:
 def square(half: float, z: float, dtype: Scalar) -> Block:
     """A level square about the z axis, of the scene's first material."""
     corners = [(half, half, z), (-half, half, z), (-half, -half, z), (half, -half, z)]
+    return polygon(corners, dtype)
+
+
+def polygon(corners: list[Vector], dtype: Scalar) -> Block:
+    """One polygon, of the scene's first material."""
     part = Part(
         Kind.POLYGON,
         np.array(corners, dtype),

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
+from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, polygon
 
 RADIUS = 0.07412
 #: Between layers. It makes the pyramid's sides lean as those of a 45 degree view do.
@@ -91,14 +91,7 @@ class Rings(SpdScene):
             (EYE[0] + x * half, y, EYE[2] + z * half)
             for x, z in ((1, 1), (-1, 1), (-1, -1), (1, -1))
         ]
-        part = Part(
-            Kind.POLYGON,
-            np.array(corners, dtype),
-            materials=np.zeros(1, dtype=np.uint32),
-            places=np.zeros(1, dtype=np.int64),
-            counts=np.array([len(corners)], dtype=np.int64),
-        )
-        return (part,)
+        return polygon(corners, dtype)
 
 
 def element_joints() -> npt.NDArray[np.float64]:
