@@ -85,6 +85,7 @@ def convert(
         target, dtype=dtype, origin=(0.0, 0.0, 0.0), hierarchy=hierarchy, durable=durable
     ) as writer:
         if spd is not None:
+            writer.expect(spd.counts, spd.surface)
             spd.feed(writer, usable_threads())
         elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
             read_scene(name, writer, progress)

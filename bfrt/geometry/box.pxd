@@ -11,19 +11,21 @@ cdef extern from *:
     """
     #include <stdint.h>
     #include <string.h>
-    /* nextafterf(f, -INFINITY) for an f that is not -INFINITY, inline: a library call a coordinate
-       would be most of what a sphere's box costs. */
-    static inline float bfrt_next_down(float f) {
+    /* The largest float32 that is not above x. Inline and without a branch
+       on which way x was rounded: a library call a coordinate would be most of what a sphere's box
+       costs, and the way is a coin's fall. */
+    static inline float bfrt_below(double x) {
+        float f = (float)x;
         int32_t bits;
         if (f == 0.0f)
-            return -0x1p-149f;
+            return x < 0.0 ? -0x1p-149f : f;
         memcpy(&bits, &f, 4);
-        bits += bits < 0 ? 1 : -1;
+        bits += ((double)f > x) * (2 * (bits < 0) - 1);
         memcpy(&f, &bits, 4);
         return f;
     }
     """
-    float next_down "bfrt_next_down"(float f) noexcept nogil
+    float below "bfrt_below"(double x) noexcept nogil
 
 cdef packed struct Box:
     float lo[3]
@@ -38,16 +40,9 @@ cdef struct Span:
     double far
 
 
-cdef inline float below(double x) noexcept nogil:
-    """The largest float32 that is not above x."""
-    cdef float f = <float>x
-    return next_down(f) if <double>f > x else f
-
-
 cdef inline float above(double x) noexcept nogil:
     """The smallest float32 that is not below x."""
-    cdef float f = <float>x
-    return -next_down(-f) if <double>f < x else f
+    return -below(-x)
 
 
 cdef inline void box_clear(Box* b) noexcept nogil:
@@ -61,20 +56,10 @@ cdef inline bint box_empty(const Box* b) noexcept nogil:
     return b.lo[0] > b.hi[0]
 
 
-cdef inline void box_axis(Box* b, int k, double x) noexcept nogil:
-    """Take the coordinate x of axis k into the box, rounded outwards."""
-    cdef float lo = below(x)
-    cdef float hi = above(x)
-    if lo < b.lo[k]:
-        b.lo[k] = lo
-    if hi > b.hi[k]:
-        b.hi[k] = hi
-
-
-cdef inline void box_point(Box* b, Vec p) noexcept nogil:
-    box_axis(b, 0, p.x)
-    box_axis(b, 1, p.y)
-    box_axis(b, 2, p.z)
+cdef inline void box_between(Box* b, Vec lo, Vec hi) noexcept nogil:
+    """The box from lo to hi, rounded outwards."""
+    b.lo[0], b.lo[1], b.lo[2] = below(lo.x), below(lo.y), below(lo.z)
+    b.hi[0], b.hi[1], b.hi[2] = above(hi.x), above(hi.y), above(hi.z)
 
 
 cdef inline void box_union(const Box* boxes, int n, Box* all) noexcept nogil:

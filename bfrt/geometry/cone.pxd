@@ -5,9 +5,9 @@ A negative radius turns the normal inwards; the two radii have one sign.
 
 from libc.math cimport fabs, sqrt
 
-from bfrt.geometry.box cimport Box, Span, box_axis, box_clear
+from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, number, point
-from bfrt.geometry.vector cimport Line, Vec, along, cross, dot, scale, sub
+from bfrt.geometry.vector cimport Line, Vec, add, along, cross, dot, highest, lowest, scale, sub, vec
 
 cdef struct Cone:
     Vec base
@@ -31,11 +31,6 @@ cdef inline bint cone_load(const unsigned char* record, const Frame* f, Cone* c)
     return c.length2 > 0.0 and (rb != 0.0 or ra != 0.0)
 
 
-cdef inline void disc_axis(Box* b, int k, double center, double r, double wide) noexcept nogil:
-    box_axis(b, k, center - r * wide)
-    box_axis(b, k, center + r * wide)
-
-
 cdef inline void cone_bounds(const Cone* c, Box* b) noexcept nogil:
     """The box of the two discs: r sin(angle to the axis) either way of a center.
 
@@ -44,14 +39,9 @@ cdef inline void cone_bounds(const Cone* c, Box* b) noexcept nogil:
     cdef double x2 = c.axis.x * c.axis.x / c.length2
     cdef double y2 = c.axis.y * c.axis.y / c.length2
     cdef double z2 = c.axis.z * c.axis.z / c.length2
-    cdef double ra = c.rb + c.dr
-    box_clear(b)
-    disc_axis(b, 0, c.base.x, c.rb, sqrt(y2 + z2))
-    disc_axis(b, 1, c.base.y, c.rb, sqrt(x2 + z2))
-    disc_axis(b, 2, c.base.z, c.rb, sqrt(x2 + y2))
-    disc_axis(b, 0, c.base.x + c.axis.x, ra, sqrt(y2 + z2))
-    disc_axis(b, 1, c.base.y + c.axis.y, ra, sqrt(x2 + z2))
-    disc_axis(b, 2, c.base.z + c.axis.z, ra, sqrt(x2 + y2))
+    cdef Vec wide = vec(sqrt(y2 + z2), sqrt(x2 + z2), sqrt(x2 + y2))
+    cdef Vec apex = add(c.base, c.axis), rb = scale(wide, c.rb), ra = scale(wide, c.rb + c.dr)
+    box_between(b, lowest(sub(c.base, rb), sub(apex, ra)), highest(add(c.base, rb), add(apex, ra)))
 
 
 cdef inline bint cone_root(double t, double shift, double s0, double ds, const Span* span,

@@ -1,11 +1,14 @@
 """Polygon: any number of vertices, concave or convex, in one plane as nearly as floats allow."""
 
+from libc.math cimport INFINITY
 from libc.stdint cimport uint32_t
 
-from bfrt.geometry.box cimport Box, Span, box_clear, box_point
+from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, point
 from bfrt.geometry.triangle cimport permuted, steepest
-from bfrt.geometry.vector cimport Line, Vec, add, along, cross, dot, scale, sub, unit, vec
+from bfrt.geometry.vector cimport (
+    Line, Vec, add, along, cross, dot, highest, lowest, scale, sub, unit, vec,
+)
 
 cdef struct Polygon:
     const unsigned char* vertices
@@ -55,10 +58,10 @@ cdef inline void polygon_bounds(const Polygon* s, Box* b) noexcept nogil:
     A polygon is rarely quite flat. A hit is on its plane and inside its outline as seen along
     that axis, so both together contain every hit.
     """
+    cdef Vec lo = vec(INFINITY, INFINITY, INFINITY), hi = scale(lo, -1.0)
     cdef Vec v, flat
     cdef uint32_t i
     cdef double off
-    box_clear(b)
     for i in range(s.count):
         v = vertex(s, i)
         off = dot(v, s.normal)
@@ -69,8 +72,9 @@ cdef inline void polygon_bounds(const Polygon* s, Box* b) noexcept nogil:
             flat.y -= off / s.normal.y
         else:
             flat.z -= off / s.normal.z
-        box_point(b, add(v, s.center))
-        box_point(b, add(flat, s.center))
+        v, flat = add(v, s.center), add(flat, s.center)
+        lo, hi = lowest(lowest(lo, v), flat), highest(highest(hi, v), flat)
+    box_between(b, lo, hi)
 
 
 cdef inline bint polygon_contains(const Polygon* s, Vec p) noexcept nogil:

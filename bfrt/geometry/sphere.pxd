@@ -2,9 +2,9 @@
 
 from libc.math cimport fabs, sqrt
 
-from bfrt.geometry.box cimport Box, Span, above, below
+from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, number, point
-from bfrt.geometry.vector cimport Line, Vec, along, dot, scale, sub
+from bfrt.geometry.vector cimport Line, Vec, along, dot, scale, sub, vec
 
 cdef struct Sphere:
     Vec c
@@ -20,9 +20,7 @@ cdef inline bint sphere_load(const unsigned char* record, const Frame* f, Sphere
 
 cdef inline void sphere_bounds(const Sphere* s, Box* b) noexcept nogil:
     cdef double r = fabs(s.r)
-    b.lo[0], b.hi[0] = below(s.c.x - r), above(s.c.x + r)
-    b.lo[1], b.hi[1] = below(s.c.y - r), above(s.c.y + r)
-    b.lo[2], b.hi[2] = below(s.c.z - r), above(s.c.z + r)
+    box_between(b, vec(s.c.x - r, s.c.y - r, s.c.z - r), vec(s.c.x + r, s.c.y + r, s.c.z + r))
 
 
 cdef inline bint sphere_hit(const Sphere* s, const Line* l, const Span* span,

@@ -2,9 +2,9 @@
 
 from libc.math cimport fabs
 
-from bfrt.geometry.box cimport Box, Span, box_clear, box_point
+from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, point
-from bfrt.geometry.vector cimport Line, Vec, cross, dot, sub, unit, vec
+from bfrt.geometry.vector cimport Line, Vec, cross, dot, highest, lowest, sub, unit, vec
 
 cdef struct Triangle:
     Vec a
@@ -28,10 +28,7 @@ cdef inline bint triangle_load(const unsigned char* record, const Frame* f,
 
 
 cdef inline void triangle_bounds(const Triangle* s, Box* b) noexcept nogil:
-    box_clear(b)
-    box_point(b, s.a)
-    box_point(b, s.b)
-    box_point(b, s.c)
+    box_between(b, lowest(lowest(s.a, s.b), s.c), highest(highest(s.a, s.b), s.c))
 
 
 cdef inline Vec permuted(Vec p, int k) noexcept nogil:

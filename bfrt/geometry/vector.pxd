@@ -48,6 +48,14 @@ cdef inline Vec along(Vec o, Vec d, double t) noexcept nogil:
     return vec(o.x + t * d.x, o.y + t * d.y, o.z + t * d.z)
 
 
+cdef inline Vec lowest(Vec a, Vec b) noexcept nogil:
+    return vec(smaller(a.x, b.x), smaller(a.y, b.y), smaller(a.z, b.z))
+
+
+cdef inline Vec highest(Vec a, Vec b) noexcept nogil:
+    return vec(larger(a.x, b.x), larger(a.y, b.y), larger(a.z, b.z))
+
+
 cdef inline double dot(Vec a, Vec b) noexcept nogil:
     return a.x * b.x + a.y * b.y + a.z * b.z
 

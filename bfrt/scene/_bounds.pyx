@@ -94,14 +94,16 @@ cdef inline void reach(double* rest, const float* box) noexcept nogil:
         rest[3 + k] = larger(box[3 + k], rest[3 + k])
 
 
-def gather(const float[:, ::1] boxes, const uint64_t[::1] ids, double[::1] rest, double[::1] sizes,
+def gather(const float[:, ::1] boxes, uint64_t first, double[::1] rest, double[::1] sizes,
            float[:, ::1] largest, uint64_t[::1] largest_ids, int count):
     """Keep the largest boxes, and take the others into bounds.
 
     Parameters
     ----------
-    boxes, ids : (n, 6) float32, (n,) uint64
+    boxes : (n, 6) float32
         IN. lo and hi; inf and -inf for a degenerate object.
+    first : int
+        The first one's id; the others' follow.
     rest : (6,) float64
         IN, OUT. The bounds of all boxes that are not kept.
     sizes, largest, largest_ids : (room,) float64, (room, 6) float32, (room,) uint64
@@ -114,25 +116,27 @@ def gather(const float[:, ::1] boxes, const uint64_t[::1] ids, double[::1] rest,
     count : int
     """
     cdef int64_t i
+    cdef uint64_t id
     cdef int j, room = <int>sizes.shape[0]
     cdef double size
     with nogil:
         for i in range(boxes.shape[0]):
             size = size_of(&boxes[i, 0])
+            id = first + <uint64_t>i
             if count == room:
-                if not before(size, ids[i], sizes[room - 1], largest_ids[room - 1]):
+                if not before(size, id, sizes[room - 1], largest_ids[room - 1]):
                     reach(&rest[0], &boxes[i, 0])
                     continue
                 reach(&rest[0], &largest[room - 1, 0])
                 count -= 1
             j = count
-            while j > 0 and before(size, ids[i], sizes[j - 1], largest_ids[j - 1]):
+            while j > 0 and before(size, id, sizes[j - 1], largest_ids[j - 1]):
                 sizes[j] = sizes[j - 1]
                 memcpy(&largest[j, 0], &largest[j - 1, 0], 6 * sizeof(float))
                 largest_ids[j] = largest_ids[j - 1]
                 j -= 1
             sizes[j] = size
             memcpy(&largest[j, 0], &boxes[i, 0], 6 * sizeof(float))
-            largest_ids[j] = ids[i]
+            largest_ids[j] = id
             count += 1
     return count

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, ShortReadError
 from bfrt.records import BOX_BYTES, INDEX_BITS, SCALARS, Kind
 from bfrt.scene._bounds import bound
-from bfrt.scene.extent import Bounds, Extent
+from bfrt.scene.extent import Extent
 from bfrt.scene.hierarchy import Hierarchy, Level, make_levels
 from bfrt.scene.model import Vector
 from bfrt.streams.aside import refused
@@ -62,7 +62,7 @@ def prepare(
 ) -> Prepared:
     """Work out the boxes of records (n, scalars), or of vertices (m, 3) of n polygons.
 
-    The records, C-contiguous, are kept as they are.
+    The records, C-contiguous, are kept as they are: nobody may change them any more.
     """
     wide = records.dtype == np.float64
     boxes = np.empty((len(materials), 6), np.float32)
@@ -141,6 +141,8 @@ class StreamWriter:
         self.wide = wide
         self.count = self.degenerate = self.vertices = self.largest = 0
         self.materials = MaterialColumn(folder, durable)
+        self.first_level: Level | None = None
+        self._expected = 0
         names = ["geometry"]
         if kind != Kind.SPHERE:
             names.append("boxes")
@@ -174,7 +176,9 @@ class StreamWriter:
         self.materials.append(block.materials)
         stream = self.group * len(Kind) + self.kind
         first = (stream << INDEX_BITS) + self.count
-        extent.add(block.boxes, np.arange(first, first + n, dtype=np.uint64))
+        extent.add(block.boxes, first)
+        if self.first_level is not None:
+            self.first_level.add(block.boxes)
         self.count += n
         self.degenerate += block.degenerate
 
@@ -188,11 +192,26 @@ class StreamWriter:
         self.vertices = int(ends[-1]) if len(ends) else self.vertices
         self.largest = max(self.largest, int(counts.max(initial=0)))
 
-    def make_levels(self, settings: Hierarchy, bounds: Bounds, origin: Vector) -> list[Level]:
-        """Make the hierarchy, from what was written: when the files are complete."""
+    def expect(self, count: int, surface: float, settings: Hierarchy) -> None:
+        """Make the first level as the objects come, of which there will be `count`, 1 or more."""
+        self.first_level = Level(self._folder, 1, count, surface, settings, self._durable)
+        self._expected = count
+
+    def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
+        """Make the hierarchy, or what is missing, from the files when they are complete."""
+        if self.first_level is not None and self.count != self._expected:
+            raise SceneError(
+                f"{self.label}: found {self.count} objects, expected {self._expected} as announced"
+            )
         boxes = sphere_boxes if self.kind == Kind.SPHERE else file_boxes
         return make_levels(
-            self._folder, boxes(self, origin), self.count, bounds, settings, self._durable
+            self._folder,
+            boxes(self, origin),
+            self.count,
+            surface,
+            settings,
+            self._durable,
+            self.first_level,
         )
 
     def close(self) -> dict[str, Any]:
@@ -220,6 +239,8 @@ class StreamWriter:
         for file in self.files.values():
             file.abandon()
         self.materials.abandon()
+        if self.first_level is not None:
+            self.first_level.file.abandon()
 
 
 def file_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:

@@ -35,6 +35,12 @@ class Bounds(NamedTuple):
     def diagonal(self) -> float:
         return 0.0 if self.empty else float(np.sqrt(((self.hi - self.lo) ** 2).sum()))
 
+    @property
+    def surface(self) -> float:
+        """Of all six faces."""
+        x, y, z = (0.0, 0.0, 0.0) if self.empty else (self.hi - self.lo).tolist()
+        return float(2.0 * (x * y + y * z + z * x))
+
     def union(self, other: Bounds) -> Bounds:
         return Bounds(np.minimum(self.lo, other.lo), np.maximum(self.hi, other.hi))
 
@@ -66,10 +72,10 @@ class Extent:
         self._boxes = np.empty((LARGEST, 6), np.float32)
         self._ids = np.empty(LARGEST, np.uint64)
 
-    def add(self, boxes: NDArray[np.float32], ids: NDArray[np.uint64]) -> None:
-        """Take in boxes (n, 6) and the ids (n,) of their objects, in any order of blocks."""
+    def add(self, boxes: NDArray[np.float32], first: int) -> None:
+        """Take in boxes (n, 6) of objects whose ids go on from `first`, in any order of blocks."""
         self._count = gather(
-            boxes, ids, self._rest, self._sizes, self._boxes, self._ids, self._count
+            boxes, first, self._rest, self._sizes, self._boxes, self._ids, self._count
         )
 
     def _without(self, largest: int) -> Bounds:

@@ -19,6 +19,7 @@ grid, so it does not count here either.)
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -29,7 +30,6 @@ from numpy.typing import NDArray
 from bfrt.errors import SettingError
 from bfrt.records import PARENT
 from bfrt.scene._hierarchy import Merger
-from bfrt.scene.extent import Bounds
 from bfrt.streams.aside import refused
 from bfrt.streams.writer import FileWriter
 
@@ -100,26 +100,43 @@ def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
     return Hierarchy(**given)
 
 
-def area_of(bounds: Bounds) -> float:
-    """The surface of bounds."""
-    if bounds.empty:
-        return 0.0
-    x, y, z = (bounds.hi - bounds.lo).tolist()
-    return float(2.0 * (x * y + y * z + z * x))
-
-
 class Level:
-    """One level as it is made."""
+    """One level of a stream's hierarchy as it is made, in a file ``level1``, ``level2`` ...
 
-    def __init__(self, path: Path, limit: float, durable: bool) -> None:
-        self.file = FileWriter(path, durable)
+    Parameters
+    ----------
+    folder : Path
+        The stream's.
+    number : int
+        The level's, from 1.
+    below : int
+        How many boxes the level below has.
+    surface : float
+        The grid's.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        number: int,
+        below: int,
+        surface: float,
+        settings: Hierarchy,
+        durable: bool,
+    ) -> None:
+        ratio, self.last = settings.threshold(below, number)
+        self.path = folder / f"level{number}"
+        self.file = FileWriter(self.path, durable)
         self.count = 0
-        self._merger = Merger(limit)
+        self.seconds = 0.0
+        self._merger = Merger(ratio * surface)
 
     def add(self, boxes: NDArray[np.float32]) -> None:
         """Take the next boxes (n, 6) of the level below."""
+        start = time.perf_counter()
         made = np.empty(len(boxes), PARENT)
         self._keep(made[: self._merger.merge(boxes, made)])
+        self.seconds += time.perf_counter() - start
 
     def finish(self) -> None:
         """Complete the last one, and the file."""
@@ -133,9 +150,15 @@ class Level:
 
 
 def make_levels(
-    folder: Path, boxes: Boxes, count: int, bounds: Bounds, settings: Hierarchy, durable: bool
+    folder: Path,
+    boxes: Boxes,
+    count: int,
+    surface: float,
+    settings: Hierarchy,
+    durable: bool,
+    first: Level | None = None,
 ) -> list[Level]:
-    """Make the levels of a stream, in files ``level1``, ``level2`` ... of its folder.
+    """Make the levels of a stream.
 
     Each is made in one pass over the one below, whose number of boxes has to be known.
 
@@ -145,20 +168,25 @@ def make_levels(
         Of all objects, in their order.
     count : int
         How many they are.
-    bounds : Bounds
+    surface : float
         Of the group's grid.
+    first : Level, optional
+        The first level, where it was made as the objects came; `boxes` are of no use then.
     """
     levels: list[Level] = []
     last = count == 0
     try:
         while not last:
-            ratio, last = settings.threshold(count, len(levels) + 1)
-            path = folder / f"level{len(levels) + 1}"
-            levels.append(Level(path, ratio * area_of(bounds), durable))
-            for block in boxes:
-                levels[-1].add(block)
+            number = len(levels) + 1
+            if number == 1 and first is not None:
+                levels.append(first)
+            else:
+                levels.append(Level(folder, number, count, surface, settings, durable))
+                for block in boxes:
+                    levels[-1].add(block)
             levels[-1].finish()
-            boxes, count = level_boxes(path), levels[-1].count
+            last, count = levels[-1].last, levels[-1].count
+            boxes = level_boxes(levels[-1].path)
     except BaseException:
         for level in levels:
             level.file.abandon()

@@ -13,7 +13,7 @@ import secrets
 import shutil
 import time
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import MATERIAL, SCALARS, Kind
 from bfrt.scene.columns import Prepared, StreamWriter, prepare
-from bfrt.scene.extent import Bounds, Extent
+from bfrt.scene.extent import Extent
 from bfrt.scene.header import header_text
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
@@ -106,6 +106,8 @@ class SceneWriter:
         self._durable = durable
         self._streams: dict[Kind, StreamWriter] = {}
         self._extent = Extent()
+        self._expected: Mapping[Kind, int] = {}
+        self._surface = 0.0
         self._camera: Camera | None = None
         self._lights: list[Light] = []
         self._background: Vector = (0.0, 0.0, 0.0)
@@ -147,6 +149,21 @@ class SceneWriter:
     def background(self, color: Vector) -> None:
         """Set the color that rays see that hit nothing."""
         self._background = _triple("background", color)
+
+    def expect(self, counts: Mapping[Kind, int], surface: float) -> None:
+        """Announce the objects that will be added, before the first: the first level of the
+        hierarchy is then made as they come, without a second pass over their boxes.
+
+        Parameters
+        ----------
+        counts : mapping of Kind to int
+            Of all kinds that will be added. A store that gets other counts is refused at its end.
+        surface : float
+            That of the grid, about; it decides how many boxes are merged into one.
+        """
+        if self._streams:
+            raise SettingError("expect: found objects already, expected a call before the first")
+        self._expected, self._surface = dict(counts), float(surface)
 
     def material(self, material: Material) -> int:
         """Add a material to the palette; returns its index. A repeated one is found again."""
@@ -234,7 +251,8 @@ class SceneWriter:
             for first in range(0, len(records), BLOCK):
                 last = first + BLOCK
                 part = indices[first:last]
-                self.add(self.prepare(kind, records[first:last], np.zeros_like(part), part))
+                own = records[first:last].copy()
+                self.add(self.prepare(kind, own, np.zeros_like(part), part))
 
     def append_polygons(
         self, vertices: NDArray[Any], counts: NDArray[Any], materials: ArrayLike | None = None
@@ -263,8 +281,8 @@ class SceneWriter:
             vertices, counts, indices = vertices[~in_triangle], counts[~three], indices[~three]
         if len(counts):
             with self._writing():
-                prepared = self.prepare(Kind.POLYGON, vertices, counts.astype(np.uint32), indices)
-                self.add(prepared)
+                own, fours = vertices.copy(), counts.astype(np.uint32)
+                self.add(self.prepare(Kind.POLYGON, own, fours, indices))
 
     def prepare(
         self,
@@ -278,7 +296,8 @@ class SceneWriter:
         Parameters
         ----------
         records : (n, scalars) float32 or float64
-            Of one kind, laid out as on disk; for polygons the vertices (m, 3).
+            Of one kind, laid out as on disk; for polygons the vertices (m, 3). Nobody may change
+            them any more.
         counts : (n,) uint32
             Vertices of each polygon, 4 or more; of no use for other kinds.
         materials : (n,) uint32
@@ -289,7 +308,7 @@ class SceneWriter:
         with np.errstate(over="ignore"):  # infinity is refused
             if not wide:
                 records = _relative(kind, records, origin)
-            data = records.astype(np.float64 if wide else np.float32, order="C")
+            data = np.ascontiguousarray(records, np.float64 if wide else np.float32)
         return prepare(kind, data, counts, materials, origin)
 
     def add(self, block: Prepared) -> None:
@@ -297,9 +316,10 @@ class SceneWriter:
         with self._writing():
             if block.kind not in self._streams:
                 folder = self._aside / "0" / block.kind.label
-                self._streams[block.kind] = StreamWriter(
-                    folder, 0, block.kind, block.wide, self._durable
-                )
+                stream = StreamWriter(folder, 0, block.kind, block.wide, self._durable)
+                self._streams[block.kind] = stream
+                if count := self._expected.get(block.kind):
+                    stream.expect(count, self._surface, self._hierarchy)
             self._streams[block.kind].append(block, self._extent)
 
     def _origin_for(self, records: NDArray[Any]) -> Vector:
@@ -370,7 +390,7 @@ class SceneWriter:
         streams = [self._streams[kind].close() for kind in sorted(self._streams)]
         self._palette.close()
         outliers, grid_bounds = self._extent.outliers()
-        self._make_levels(streams, grid_bounds)
+        self._make_levels(streams, self._surface if self._expected else grid_bounds.surface)
         group = {"streams": streams, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
         return {
             "magic": MAGIC,
@@ -385,13 +405,14 @@ class SceneWriter:
             "hierarchy": asdict(self._hierarchy),
         }
 
-    def _make_levels(self, streams: list[dict[str, Any]], bounds: Bounds) -> None:
+    def _make_levels(self, streams: list[dict[str, Any]], surface: float) -> None:
         """Make the hierarchies, and enter them in the streams' parts of the header."""
-        start = time.perf_counter()
+        begun = [s.first_level for s in self._streams.values() if s.first_level is not None]
+        start = time.perf_counter() - sum(level.seconds for level in begun)
         for header in streams:
             stream = self._streams[Kind(header["kind"])]
             origin = self._origin or (0.0, 0.0, 0.0)
-            levels = stream.make_levels(self._hierarchy, bounds, origin)
+            levels = stream.make_levels(self._hierarchy, surface, origin)
             header["levels"] = [level.count for level in levels]
             for number, level in enumerate(levels, 1):
                 facts = {"bytes": level.file.bytes, "crc32": level.file.checksum}

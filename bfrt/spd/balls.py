@@ -18,14 +18,11 @@ import numpy.typing as npt
 from bfrt.records import Kind
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material
+from bfrt.spd._balls import children, grow
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 
 CHILDREN = 9
 RADIUS = 0.5
-#: Of a child, in radii of its parent.
-RATIO = 1.0 / 3.0
-#: A direction whose z is nearer to 1 than this counts as the z axis.
-UPRIGHT = 0.9999
 
 
 class Ball(NamedTuple):
@@ -40,6 +37,7 @@ class Balls(SpdScene):
     """The balls of `size` generations."""
 
     name = "balls"
+    settled = 4
     hierarchy = Hierarchy(t=0.5)
     camera = Camera(eye=(2.1, 1.3, 1.7), at=(0.0, 0.0, 0.0), angle=45.0, hither=0.01)
     lights = (Light((4.0, 3.0, 2.0)), Light((1.0, -4.0, 4.0)), Light((-3.0, 1.0, 5.0)))
@@ -75,61 +73,17 @@ def _tasks(ball: Ball, depth: int, limit: int) -> Iterator[Task]:
         yield partial(_part, ball, depth)
         return
     yield partial(_part, ball, 0)
-    centers, directions = _children(ball.center[None], ball.direction[None], ball.radius)
-    for center, direction in zip(centers[0], directions[0], strict=True):
-        yield from _tasks(Ball(center, direction, ball.radius * RATIO), depth - 1, limit)
+    centers, directions, radius = children(*ball, OFFSETS)
+    for center, direction in zip(centers, directions, strict=True):
+        yield from _tasks(Ball(center, direction, radius), depth - 1, limit)
 
 
 def _part(ball: Ball, depth: int, dtype: Scalar) -> Block:
-    """A ball and `depth` generations on it, in the package's order: generation by generation,
-    each written to the places that its balls have."""
+    """A ball and `depth` generations on it."""
     records = np.empty((descendants(depth), 4), dtype)
-    centers, directions, radius = ball.center[None], ball.direction[None], ball.radius
-    places = np.zeros(1, np.int64)
-    for below in range(depth, -1, -1):
-        records[places, :3] = centers
-        records[places, 3] = radius
-        if below:
-            centers, directions = _children(centers, directions, radius)
-            centers, directions = centers.reshape(-1, 3), directions.reshape(-1, 3)
-            after = 1 + descendants(below - 1) * np.arange(CHILDREN)
-            places = (places[:, None] + after).reshape(-1)
-            radius *= RATIO
+    grow(*ball, depth, OFFSETS, records)
     materials = np.ones(len(records), np.uint32)
     return (Part(Kind.SPHERE, records, materials, np.arange(len(records))),)
-
-
-def _children(
-    centers: npt.NDArray[np.float64], directions: npt.NDArray[np.float64], radius: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Centers and directions (n, 9, 3) of the children of n balls of one radius."""
-    turned = np.matmul(OFFSETS, _turns(directions))
-    scale = radius * (1.0 + RATIO)
-    return centers[:, None] + turned * scale, turned
-
-
-def _turns(directions: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Matrices (n, 3, 3) that turn the z axis, as a row, to directions (n, 3).
-
-    About the axis across both; half about y where the direction is -z.
-    """
-    x, y, cosine = directions.T
-    sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
-    across = np.hypot(x, y)
-    across[across == 0.0] = 1.0
-    ax, ay = -y / across, x / across
-    turns = np.empty((len(directions), 3, 3))
-    turns[:, 0, 0] = ax * ax + (1.0 - ax * ax) * cosine
-    turns[:, 1, 1] = ay * ay + (1.0 - ay * ay) * cosine
-    turns[:, 2, 2] = cosine
-    turns[:, 0, 1] = turns[:, 1, 0] = ax * ay * (1.0 - cosine)
-    turns[:, 0, 2] = -ay * sine
-    turns[:, 1, 2] = ax * sine
-    turns[:, 2, 0] = ay * sine
-    turns[:, 2, 1] = -ax * sine
-    turns[cosine >= UPRIGHT] = np.eye(3)
-    turns[cosine <= -UPRIGHT] = np.diag([-1.0, 1.0, -1.0])
-    return turns
 
 
 def _offsets() -> npt.NDArray[np.float64]:

@@ -38,6 +38,7 @@ class Gears(SpdScene):
     """The gears of a block of `size` on a side."""
 
     name = "gears"
+    settled = 4
     hierarchy = Hierarchy(t=0.5)
     camera = Camera(eye=(-1.1, -2.1, 2.6), at=(0.0, 0.0, 0.0), angle=45.0)
     lights = tuple(

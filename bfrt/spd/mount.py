@@ -19,6 +19,7 @@ import numpy.typing as npt
 from bfrt.errors import SettingError
 from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material
+from bfrt.spd._mount import halve, triangles
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
 
 DIMENSION = 2.2
@@ -28,12 +29,7 @@ CORNER, SIDE = -1.0, 2.0
 #: Noise per side of a square, such that the surface has the fractal dimension.
 ROUGHNESS = math.sqrt((2.0 / math.exp(math.log(2.0) / (DIMENSION - 1.0))) ** 2 - 1.0)
 
-#: The package's square root of 2, for the middle of a square.
-DIAGONAL = 1.4142136
-
 HASHES = ("package", "jenkins")
-
-Grid = npt.NDArray[np.int64]
 
 
 class Square(NamedTuple):
@@ -61,6 +57,7 @@ class Mount(SpdScene):
     """
 
     name = "mount"
+    settled = 7
     camera = Camera(eye=(-1.6, 1.6, 1.7), at=(0.0, 0.0, 0.0), angle=45.0, hither=0.01)
     lights = (Light((-100.0, -100.0, 100.0)),)
     background = (0.078, 0.361, 0.753)
@@ -81,6 +78,9 @@ class Mount(SpdScene):
     @property
     def counts(self) -> dict[Kind, int]:
         return {Kind.SPHERE: 4, Kind.TRIANGLE: 2 * 4**self.size}
+
+    def _small(self) -> Mount:
+        return Mount(min(self.size, self.settled), self.hash)
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
         """The balls, then squares of up to `limit` triangles."""
@@ -105,77 +105,27 @@ class Mount(SpdScene):
         while square.side > 1:
             z = self._halved(z, square)
             square = square._replace(side=square.side // 2)
-        points = np.empty((cells + 1, cells + 1, 3), dtype)
-        across = np.arange(cells + 1) * 1.0
-        points[..., 0] = CORNER + (square.x + across) * SIDE / (1 << self.size)
-        points[..., 1] = (CORNER + (square.y + across) * SIDE / (1 << self.size))[:, None]
-        points[..., 2] = z
-        ll = _cell_order(cells)
-        ur = ll + cells + 2
-        corners = np.stack([ll, ll + 1, ur, ur, ur - 1, ll], axis=1)
-        records = points.reshape(-1, 3)[corners].reshape(-1, 9)
-        n = len(records)
+        n = 2 * cells * cells
+        records = np.empty((n, 9), dtype)
+        triangles(z, self._along(square.x, cells), self._along(square.y, cells), records)
         return (Part(Kind.TRIANGLE, records, np.ones(n, np.uint32), np.arange(n)),)
+
+    def _along(self, first: int, cells: int) -> npt.NDArray[np.float64]:
+        """Where the corners of so many cells are along an axis."""
+        return CORNER + (first + np.arange(cells + 1.0)) * SIDE / (1 << self.size)
 
     def _halved(self, z: npt.NDArray[np.float64], square: Square) -> npt.NDArray[np.float64]:
         """Heights (2m + 1, 2m + 1), row by row in y, from those (m + 1, m + 1) of squares of
         `square.side` that begin at `square`."""
-        m = len(z) - 1
-        half = square.side // 2
-        rise = half * SIDE / (1 << self.size) * ROUGHNESS
-        whole = square.side * np.arange(m + 1, dtype=np.int64)
-        x, y = square.x + whole, (square.y + whole)[:, None]
-        finer = np.empty((2 * m + 1, 2 * m + 1))
-        finer[::2, ::2] = z
-        finer[::2, 1::2] = (z[:, :-1] + z[:, 1:]) / 2.0 + rise * self._noise(x[:-1] + half, y)
-        finer[1::2, ::2] = (z[:-1] + z[1:]) / 2.0 + rise * self._noise(x, y[:-1] + half)
-        corners = z[:-1, :-1] + z[:-1, 1:] + z[1:, 1:] + z[1:, :-1]
-        noise = self._noise(x[:-1] + half, y[:-1] + half)
-        finer[1::2, 1::2] = corners / 4.0 + DIAGONAL * rise * noise
+        finer = np.empty((2 * len(z) - 1, 2 * len(z) - 1))
+        rise = square.side // 2 * SIDE / (1 << self.size) * ROUGHNESS
+        jenkins = self.hash == "jenkins"
+        halve(z, square.x, square.y, square.side, rise, self.size, jenkins, _gauss(), finer)
         return finer
-
-    def _noise(self, x: Grid, y: Grid) -> npt.NDArray[np.float64]:
-        """Gaussian noise at points x by y."""
-        hashed = _jenkins(x, y, self.size) if self.hash == "jenkins" else _hash(x, y, self.size)
-        return _gauss()[hashed]
 
 
 #: The quarters of a square in the order of the halving, (x, y).
 QUARTERS = ((0, 0), (1, 0), (1, 1), (0, 1))
-
-
-@lru_cache(maxsize=8)
-def _cell_order(cells: int) -> Grid:
-    """The lower left points of cells, as indices into (cells + 1, cells + 1), as they come."""
-    x = y = np.zeros(1, np.int64)
-    side = 1
-    while side < cells:
-        x = np.concatenate([x + side * i for i, _ in QUARTERS])
-        y = np.concatenate([y + side * j for _, j in QUARTERS])
-        side *= 2
-    return x + (cells + 1) * y
-
-
-def _hash(x: Grid, y: Grid, size: int) -> Grid:
-    """The package's own: shifts by less than nothing leave nothing of 16 bits."""
-
-    def shifted(a: Grid, bits: int) -> Grid:
-        return a << bits if 0 <= bits < 16 else np.zeros_like(a)
-
-    return (shifted(x, 23 - size) + shifted(y, 15 - size) + shifted(x, 7 - size)) & 0xFFFF
-
-
-def _jenkins(x: Grid, y: Grid, size: int) -> Grid:
-    """Bob Jenkins's mix of three signed 32-bit integers."""
-    shape = np.broadcast_shapes(x.shape, y.shape)
-    a = np.broadcast_to(x, shape).astype(np.int32)
-    b = np.broadcast_to(y, shape).astype(np.int32)
-    c = np.full(shape, size, np.int32)
-    for shifts in ((13, 8, 13), (12, 16, 5), (3, 10, 15)):
-        a = a - b - c ^ (c >> shifts[0])
-        b = b - c - a ^ (a << shifts[1])
-        c = c - a - b ^ (b >> shifts[2])
-    return (c & 0xFFFF).astype(np.int64)
 
 
 @lru_cache(maxsize=1)

@@ -22,6 +22,8 @@ import numpy.typing as npt
 
 from bfrt.errors import Cancelled, DiskFullError, SettingError
 from bfrt.records import BOX_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
+from bfrt.scene.columns import prepare
+from bfrt.scene.extent import Extent
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
 from bfrt.scene.store import Store, open_store
@@ -32,6 +34,8 @@ from bfrt.workers import ahead, usable_threads
 
 #: Objects of a block: 66,430 balls are the largest part of a tree of balls that is near 2^16.
 BLOCK_OBJECTS = 70_000
+
+ORIGIN = (0.0, 0.0, 0.0)
 
 
 class Part(NamedTuple):
@@ -119,6 +123,8 @@ class SpdScene(abc.ABC):
     materials: tuple[Material, ...]
     #: The paper's settings for this scene.
     hierarchy = Hierarchy()
+    #: A size at which its grid is about as large as at any greater one.
+    settled = 1
 
     def __init__(self, size: int) -> None:
         self.size = operator.index(size)
@@ -143,6 +149,22 @@ class SpdScene(abc.ABC):
     def objects(self) -> int:
         """How many objects the scene has, all kinds together."""
         return sum(self.counts.values())
+
+    @property
+    def surface(self) -> float:
+        """The surface of its grid, about: known before the objects are."""
+        extent, first = Extent(), 0
+        for block in self._small().blocks(dtype=np.float32):
+            for part in block:
+                records = np.ascontiguousarray(part.records)
+                columns = prepare(part.kind, records, _counts(part), part.materials, ORIGIN)
+                extent.add(columns.boxes, first)
+                first += len(part.materials)
+        return extent.outliers()[1].surface
+
+    def _small(self) -> SpdScene:
+        """The scene at a size at which it reaches as far."""
+        return type(self)(min(self.size, self.settled))
 
     @property
     def store_bytes(self) -> int:
@@ -221,8 +243,9 @@ class SpdScene(abc.ABC):
         """
         check_room(path, self.store_bytes + self.store_bytes // 20)  # and the hierarchy
         with SceneWriter(
-            path, dtype=np.float32, origin=(0.0, 0.0, 0.0), hierarchy=hierarchy or self.hierarchy
+            path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy
         ) as writer:
+            writer.expect(self.counts, self.surface)
             self.feed(writer, usable_threads() if threads is None else threads, progress)
         return open_store(path)
 

@@ -70,6 +70,12 @@ class Rings(SpdScene):
     def vertices(self) -> int:
         return 4
 
+    @property
+    def surface(self) -> float:
+        """Elements fill the unit spheres about them; the last layer is the widest."""
+        width, depth = 2.0 * self.size, DISTANCE * (self.size - 1) + 2.0
+        return 2.0 * (width * width + 2.0 * width * depth)
+
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
         """The wall, then the layers from the tip: cones and spheres of up to `limit` objects.
 

@@ -47,6 +47,7 @@ class Teapot(SpdScene):
     """The teapot of `size` x `size` cells a patch."""
 
     name = "teapot"
+    settled = 20
     camera = Camera(eye=(4.86, 7.2, 5.4), at=(0.0, 0.0, 0.0), angle=45.0)
     lights = (Light((-3.1, 9.8, 12.1)), Light((11.3, 5.1, 8.8)))
     background = (0.078, 0.361, 0.753)

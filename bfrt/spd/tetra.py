@@ -57,11 +57,22 @@ def _centers(levels: int) -> npt.NDArray[np.float64]:
     return centers
 
 
+@lru_cache(maxsize=4)
+def _triangles(levels: int) -> npt.NDArray[np.float64]:
+    """All triangles of a tetrahedron of so many levels, a tetrahedron of four a row, about its
+    center and in units of its half side, (4^levels, 36)."""
+    corners = CORNERS * 0.5**levels
+    return (_centers(levels)[:, None] + corners)[:, FACES].reshape(-1, 36)
+
+
 def _part(center: npt.NDArray[np.float64], levels: int, half: float, dtype: Scalar) -> Block:
-    """The triangles of one tetrahedron of `levels` more levels."""
-    corners = CORNERS * (half * 0.5**levels)
-    centers = center + _centers(levels) * half
-    points = (centers[:, None] + corners).astype(dtype, copy=False)
-    records = points[:, FACES].reshape(-1, 9)
-    n = len(records)
-    return (Part(Kind.TRIANGLE, records, np.zeros(n, np.uint32), np.arange(n)),)
+    """The triangles of one tetrahedron of `levels` more levels.
+
+    All is sums of powers of two, and exact in whatever order they are added.
+    """
+    triangles = _triangles(levels)
+    records = np.empty(triangles.shape, dtype)
+    np.multiply(triangles, half, out=records, casting="same_kind")
+    records += np.tile(center, 12).astype(dtype)
+    n = 4 * len(records)
+    return (Part(Kind.TRIANGLE, records.reshape(n, 9), np.zeros(n, np.uint32), np.arange(n)),)

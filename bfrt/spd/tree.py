@@ -34,6 +34,7 @@ class Tree(SpdScene):
     """The tree of `size` generations of forks."""
 
     name = "tree"
+    settled = 12
     hierarchy = Hierarchy(t=0.5)
     camera = Camera(eye=(4.5, 0.4, 2.0), at=(0.0, 0.0, 1.5), angle=45.0)
     lights = tuple(

@@ -51,7 +51,8 @@ def slow_outliers(boxes, ids):
 def gathered(boxes, ids, blocks):
     extent = Extent()
     for block in blocks:
-        extent.add(boxes[block], ids[block])
+        for box, id in zip(boxes[block], ids[block], strict=True):  # ids may have gaps
+            extent.add(box[None], id)
     return extent
 
 

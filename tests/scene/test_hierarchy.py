@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bfrt
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError
 from bfrt.records import PARENT, Kind
 from bfrt.scene._hierarchy import Merger
 from bfrt.scene.extent import Bounds
-from bfrt.scene.hierarchy import Hierarchy, area_of, make_levels, parse_hierarchy
+from bfrt.scene.hierarchy import Hierarchy, make_levels, parse_hierarchy
 
 
 def random_boxes(rng, n):
@@ -81,7 +81,7 @@ def test_every_level_holds_the_one_below(tmp_path_factory, seed, n):
     whole = boxes[boxes[:, 0] <= boxes[:, 3]].astype(np.float64)
     bounds = Bounds(whole[:, :3].min(axis=0, initial=0), whole[:, 3:].max(axis=0, initial=0))
     folder = tmp_path_factory.mktemp("levels")
-    levels = make_levels(folder, [boxes], n, bounds, settings, False)
+    levels = make_levels(folder, [boxes], n, bounds.surface, settings, False)
     below = boxes
     for number, level in enumerate(levels, 1):
         records = np.fromfile(folder / f"level{number}", PARENT)
@@ -90,7 +90,7 @@ def test_every_level_holds_the_one_below(tmp_path_factory, seed, n):
         assert ends[-1] == len(below) and (np.diff(ends, prepend=0) > 0).all()
         ratio, last = settings.threshold(len(below), number)
         assert last == (number == len(levels))
-        assert records.tolist() == slow_merge(below, ratio * area_of(bounds))
+        assert records.tolist() == slow_merge(below, ratio * bounds.surface)
         numbers = records.view("<f4").reshape(-1, 8)
         below = np.ascontiguousarray(numbers[:, :6])
     assert len(levels) <= settings.l
@@ -157,3 +157,50 @@ def test_boxes_of_spheres_are_worked_out_again(tmp_path, dtype):
         hi = [record[name] for name in ("hix", "hiy", "hiz")]
         np.testing.assert_allclose(lo, part.min(axis=0) - 0.01, atol=1e-6)
         np.testing.assert_allclose(hi, part.max(axis=0) + 0.01, atol=1e-6)
+
+
+def test_a_first_level_as_the_objects_come_is_that_of_a_second_pass(tmp_path):
+    rng = np.random.default_rng(4)
+    for name in ("a", "b"):
+        rng = np.random.default_rng(4)
+        with bfrt.SceneWriter(tmp_path / name, hierarchy=Hierarchy(n=10, s=2.0)) as writer:
+            if name == "b":
+                surface = bfrt.open(tmp_path / "a").groups[0].grid_bounds.surface
+                writer.expect({Kind.SPHERE: 900, Kind.TRIANGLE: 600}, surface)
+            for _ in range(3):
+                writer.spheres(rng.random((300, 3)), np.full(300, 0.01))
+                writer.triangles(rng.random((200, 3, 3)))
+    one, other = bfrt.open(tmp_path / "a"), bfrt.open(tmp_path / "b")
+    assert one.checksum == other.checksum
+    for mine, its in zip(one.streams, other.streams, strict=True):
+        assert mine.levels == its.levels and len(mine.levels) > 1
+        for number in range(1, len(mine.levels) + 1):
+            level = f"level{number}"
+            assert mine.path(level).read_bytes() == its.path(level).read_bytes()
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_other_counts_than_were_announced_are_refused(tmp_path, count):
+    with (
+        pytest.raises(SceneError, match=f"sphere: found 3 objects, expected {count} as announced"),
+        bfrt.SceneWriter(tmp_path / "a") as writer,
+    ):
+        writer.expect({Kind.SPHERE: count}, 1.0)
+        writer.spheres(np.zeros((3, 3)), 1.0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_counts_are_announced_before_the_first_object(tmp_path):
+    with (
+        pytest.raises(SettingError, match="expected a call before the first"),
+        bfrt.SceneWriter(tmp_path / "a") as writer,
+    ):
+        writer.spheres(np.zeros((3, 3)), 1.0)
+        writer.expect({Kind.SPHERE: 3}, 1.0)
+
+
+@pytest.mark.parametrize("name", bfrt.spd.NAMES)
+def test_the_surface_that_a_scene_expects_is_about_its_grids(name, tmp_path):
+    scene = bfrt.spd.scene(name, bfrt.spd.DEFAULT_SIZES[name])
+    grid = scene.write(tmp_path / "a.bfrt").groups[0].grid_bounds
+    assert scene.surface == pytest.approx(grid.surface, rel=0.2)

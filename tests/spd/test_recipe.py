@@ -123,6 +123,8 @@ def test_progress_counts_objects_and_cancels(tmp_path):
 
 def test_a_failure_in_a_thread_is_the_callers(tmp_path):
     class Broken(Row):
+        surface = 1.0
+
         def pentagon(self, dtype):
             raise ArithmeticError(threading.current_thread().name)
 
