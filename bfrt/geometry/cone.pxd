@@ -7,7 +7,9 @@ from libc.math cimport fabs, sqrt
 
 from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, number, point
-from bfrt.geometry.vector cimport Line, Vec, add, along, cross, dot, highest, lowest, scale, sub, vec
+from bfrt.geometry.vector cimport (
+    Line, Vec, add, along, cross, dot, highest, lowest, scale, sub, vec,
+)
 
 cdef struct Cone:
     Vec base

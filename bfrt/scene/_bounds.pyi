@@ -14,7 +14,7 @@ def bound(
 ) -> tuple[int, int]: ...
 def gather(
     boxes: NDArray[np.float32],
-    ids: NDArray[np.uint64],
+    first: int,
     rest: NDArray[np.float64],
     sizes: NDArray[np.float64],
     largest: NDArray[np.float32],
