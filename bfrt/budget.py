@@ -8,7 +8,6 @@ in spools.
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from dataclasses import dataclass
@@ -18,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from bfrt.errors import BudgetError, SettingError
-from bfrt.phases.intersection import LEVEL_BUFFER, SELECTED
-from bfrt.phases.preprocess import resolution
+from bfrt.phases.partition import LOWER_BITS, Limits, Partition, partition_of
+from bfrt.phases.selection import LEVEL_BUFFER, SELECTED
 from bfrt.records import (
     AOV_BYTES,
     CANDIDATE_BYTES,
@@ -32,6 +31,7 @@ from bfrt.records import (
     RAY_BYTES,
     VOXEL_BITS,
 )
+from bfrt.scene.marks import BRICK_BYTES
 from bfrt.scene.store import Store
 
 UNITS = {"": 1, "B": 1}
@@ -55,11 +55,15 @@ PIXEL_BYTES = 40
 #: Bytes that a band of image rows takes while it is written, encoders' copies included.
 IMAGE_BAND = 4 << 20
 
-#: A voxel: its mark, and where its rays begin.
-VOXEL_BYTES = 1 + 4
+#: An upper voxel: where its rays begin, and a bit of the occupancy, with what is above that.
+UPPER_BYTES = 4 + 1 / 8 + 1 / 32
 
-#: A brick of 4 x 4 x 4 voxels: a bit for each that holds rays.
-BRICK_BYTES = 8
+#: A lower-level block: where the rays of 64 voxels begin, a bit for each, whose it is, and twice a
+#: place in the table by which it is found.
+BLOCK_BYTES = 4 * 64 + 8 + 4 + 2 * 8
+
+#: A brick: where it is, whether it is there, and its part of a cube.
+TABLED_BYTES = 4 + 1 + 1 / 8 + 1
 
 #: The fewest rays in flight that are worth a sweep over the objects.
 FEWEST_RAYS = 4096
@@ -70,12 +74,22 @@ CANDIDATES_A_RAY = 4
 #: A hit in the shading phase: itself, its sorted copy, its id and its place in the order.
 SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
 
-#: In flight: the ray, what it is for, and its candidates.
-FLYING_BYTES = RAY_BYTES + PATH_BYTES + CANDIDATES_A_RAY * CANDIDATE_BYTES
+#: In flight: the ray, what it is for, its place in its slab, what it may still take, and its
+#: candidates.
+FLYING_BYTES = RAY_BYTES + PATH_BYTES + 4 + 4 + CANDIDATES_A_RAY * CANDIDATE_BYTES
 
-#: Of what a budget leaves: the grid at the most, and of the rest, rays in flight.
-GRID_PART = 0.25
+#: Of what a budget leaves, at the most: a slab; upper voxels that are voxels, or larger ones;
+#: blocks; before there are rays, a subspace. Of what the grid leaves, rays in flight.
+SLAB_PART = 0.15
+SINGLE_PART = 0.1
+UPPER_PART = 0.4
+BLOCK_PART = 0.04
+SUBSPACE_PART = 0.4
 FLYING_PART = 0.45
+GRID_PART = SLAB_PART + UPPER_PART + BLOCK_PART + 0.02
+
+#: The paper's Ru: 256 upper voxels an axis.
+MOST_UPPERS = 1 << 24
 
 
 def parse_memory(text: str | int) -> int:
@@ -131,7 +145,9 @@ class Capacities:
     """What a budget holds."""
 
     memory: int
-    voxels: int
+    limits: Limits
+    blocks: int
+    subspace: int
     rays: int
     candidates: int
     hits: int
@@ -158,10 +174,11 @@ def fixed_bytes(store: Store, width: int, height: int, samples: int, threads: in
     return BASELINE + frame + buffers + levels + outgoing + palette
 
 
-def grid_bytes(shape: tuple[int, int, int]) -> int:
-    """A grid's marks, ray starts and occupancy; what is above the bricks is a byte for 64."""
-    bricks = math.prod(-(-side // 4) for side in shape)
-    return math.prod(shape) * VOXEL_BYTES + bricks * (BRICK_BYTES + 1)
+def grid_bytes(cut: Partition, limits: Limits, blocks: int) -> int:
+    """A grid's slab, where its bricks are, and its ray store."""
+    slab = min(cut.bricks * BRICK_BYTES, limits.slab)
+    store = cut.uppers * UPPER_BYTES + (blocks * BLOCK_BYTES if cut.lower_bits else 0)
+    return int(slab + store + cut.bricks * TABLED_BYTES) + 4096
 
 
 def emit_room(lights: int) -> int:
@@ -170,14 +187,28 @@ def emit_room(lights: int) -> int:
 
 
 def capacities(
-    store: Store, width: int, height: int, samples: int, memory: int, threads: int
+    store: Store,
+    width: int,
+    height: int,
+    samples: int,
+    memory: int,
+    threads: int,
+    *,
+    grid: int | None = None,
+    max_grid: int | None = None,
 ) -> Capacities:
     """Divide a budget.
+
+    Parameters
+    ----------
+    grid, max_grid : int, optional
+        Voxels on the longest axis of a grid, or the most that there may be.
 
     Raises
     ------
     BudgetError
-        If it is less than the least that works; the message names that.
+        If it is less than the least that works; the message names that. If it does not hold the
+        grid that is asked for.
     """
     fixed = fixed_bytes(store, width, height, samples, threads)
     least = fixed + int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
@@ -187,14 +218,26 @@ def capacities(
             f"for {width} x {height} pixels of this scene with {threads} threads"
         )
     left = memory - fixed
-    voxels = int(min(left * GRID_PART / (VOXEL_BYTES + BRICK_BYTES / 16), 1 << VOXEL_BITS))
-    grids = [resolution(group.grid_bounds, group.gridded, voxels) for group in store.groups]
-    left -= max(grid_bytes(shape) for shape in grids)
+    uppers = int(min(left * UPPER_PART / UPPER_BYTES, MOST_UPPERS))
+    limits = Limits(
+        voxels=min(uppers << 3 * LOWER_BITS, 1 << VOXEL_BITS),
+        slab=int(left * SLAB_PART),
+        single=int(min(left * SINGLE_PART / UPPER_BYTES, MOST_UPPERS)),
+        uppers=uppers,
+        grid=grid,
+        max_grid=max_grid,
+    )
+    blocks = int(left * BLOCK_PART / BLOCK_BYTES)
+    subspace = int(left * SUBSPACE_PART)
+    cuts = [partition_of(group, limits) for group in store.groups]
+    left -= max(grid_bytes(cut, limits, blocks) for cut in cuts)
     rays = min(int(left * FLYING_PART / FLYING_BYTES), 1 << RAY_BITS)
     others = (left - rays * FLYING_BYTES) // 2
     return Capacities(
         memory=memory,
-        voxels=voxels,
+        limits=limits,
+        blocks=blocks,
+        subspace=subspace,
         rays=rays,
         candidates=CANDIDATES_A_RAY * rays,
         hits=min(others // (SHADED_HIT_BYTES + HIT_BYTES), 1 << RAY_BITS),

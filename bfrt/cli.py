@@ -130,6 +130,12 @@ def add_render(commands: Any) -> None:
     made.add_argument(
         "--fresh-marks", action="store_true", help="make the voxel marks of the store again"
     )
+    made.add_argument(
+        "--grid", type=int, metavar="N", help="voxels on the longest axis, instead of the rule's"
+    )
+    made.add_argument(
+        "--max-grid", type=int, metavar="N", help="voxels on the longest axis at the most"
+    )
 
 
 def add_spd(commands: Any) -> None:
@@ -188,6 +194,8 @@ def run_render(options: argparse.Namespace) -> None:
             depth=options.depth,
             refine=options.refine,
             fresh_marks=options.fresh_marks,
+            grid=options.grid,
+            max_grid=options.max_grid,
             scratch=options.scratch,
             progress=wants_bar(options.quiet),
         )

@@ -39,7 +39,7 @@ cdef packed struct Ray:
     uint8_t face    # by which face it came there
     uint8_t kind
     uint8_t lock    # while a thread updates t and id
-    uint8_t unused
+    uint8_t state   # whether the voxel is known to be a candidate
 
 cdef packed struct Path:
     uint32_t pixel

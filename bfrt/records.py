@@ -71,7 +71,7 @@ RAY = np.dtype(
         ("face", "u1"),
         ("kind", "u1"),
         ("lock", "u1"),
-        ("unused", "u1"),
+        ("state", "u1"),
     ]
 )
 PATH = np.dtype(_PATH)

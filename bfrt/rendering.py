@@ -47,6 +47,8 @@ def render(
     depth: int = DEPTH,
     refine: str = REFINEMENTS[-1],
     fresh_marks: bool = False,
+    grid: int | None = None,
+    max_grid: int | None = None,
     scratch: str | os.PathLike[str] | None = None,
     progress: bool | Callable[[Progress], object] = False,
 ) -> Image:
@@ -77,6 +79,11 @@ def render(
         same.
     fresh_marks : bool
         Make the voxel marks again, instead of using those in the store.
+    grid : int, optional
+        Voxels on the longest axis of each grid. By default there are about as many voxels as
+        objects, as far as memory goes.
+    max_grid : int, optional
+        The most that there may be on that axis.
     scratch : path-like, optional
         Folder for spools, and for marks where the store is read-only. By default the store's
         parent, or the system's temporary folder where that is read-only.
@@ -112,7 +119,15 @@ def render(
     corners = CORNERS if samples is None else at_least_one("samples", samples)
     if refine not in REFINEMENTS:
         raise SettingError(f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}")
-    plan = capacities(store, *view.resolution, corners, budget, count)
+    plan = capacities(
+        store,
+        *view.resolution,
+        corners,
+        budget,
+        count,
+        grid=None if grid is None else at_least_one("grid", grid),
+        max_grid=None if max_grid is None else at_least_one("max_grid", max_grid),
+    )
     stats = Stats(
         objects=store.objects,
         scene_bytes=store.bytes,

@@ -27,10 +27,13 @@ from bfrt.budget import Capacities
 from bfrt.errors import Cancelled
 from bfrt.image.film import Film
 from bfrt.phases.eye import EyeRays, view_vectors
-from bfrt.phases.intersection import Selections, intersect_all
+from bfrt.phases.intersection import intersect_all
 from bfrt.phases.outliers import Outliers
-from bfrt.phases.preprocess import darken_all, lattice_of, preprocess, resolution
+from bfrt.phases.partition import partition_of
+from bfrt.phases.preprocess import lattice_of, preprocess
+from bfrt.phases.selection import Selections
 from bfrt.phases.shading import Shading
+from bfrt.phases.slabs import Slabs
 from bfrt.phases.traversal import Flight, Queue
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import HIT, QUEUED
@@ -79,16 +82,37 @@ class Tracer:
         self._film = film
         self._swept = sum(stream.count for stream in group.streams)
         self._background = np.array(store.background, np.float64)
-        shape = resolution(group.grid_bounds, group.gridded, capacities.voxels)
-        lattice = lattice_of(store, group, shape)
+        cut = partition_of(group, capacities.limits)
+        lattice = lattice_of(store, group, cut.shape, cut.axis)
         with counters.phases.preprocess.timed():
             marks, self.marks_reused = preprocess(
-                store, self.objects, lattice, fresh=fresh_marks, scratch=scratch, counters=counters
+                store,
+                self.objects,
+                self._selections,
+                lattice,
+                cut,
+                capacities.subspace,
+                fresh=fresh_marks,
+                scratch=scratch,
+                counters=counters,
             )
-            darken_all(marks, lattice, workers)
-        outliers = Outliers(store, group)
-        self._voxel_rays = VoxelRays(lattice.shape, capacities.candidates)
-        self._flight = Flight(capacities.rays, lattice, marks, outliers, workers)
+        self.grid = {
+            "voxels": list(cut.shape),
+            "lower": 1 << cut.lower_bits,
+            "bricks": int(marks.first[-1]),
+        }
+        self._slabs = Slabs(lattice, marks, capacities.limits.slab, workers)
+        self.grid["slabs"] = self._slabs.count
+        self._voxel_rays = VoxelRays(
+            cut.shape, capacities.candidates, cut.lower_bits, capacities.blocks
+        )
+        self._flight = Flight(
+            capacities.rays, self._slabs, self._voxel_rays, Outliers(store, group), workers
+        )
+
+    def close(self) -> None:
+        """Close the marks."""
+        self._slabs.close()
 
     @property
     def bad(self) -> int:
@@ -110,7 +134,7 @@ class Tracer:
             with phases.traversal.timed():
                 done += flight.admit(queue, film, background, hits, counters)
                 if flight.active:
-                    flight.collect(self._voxel_rays, self._swept, counters)
+                    flight.collect(self._swept, counters)
             if flight.active:
                 with phases.intersection.timed():
                     self._swept = intersect_all(
@@ -164,10 +188,14 @@ def render_film(
             counters=stats.total,
         )
         stats.marks_reused = tracer.marks_reused
+        stats.grids.append(tracer.grid)
         eye = view_vectors(camera, store.origin)[0]
         shading = Shading(store, film, eye, capacities)
         rays = EyeRays(store, camera, samples)
-        _depths(tracer, shading, rays, spools, depth, stats, report)
+        try:
+            _depths(tracer, shading, rays, spools, depth, stats, report)
+        finally:
+            tracer.close()
         stats.bad_rays = tracer.bad
     finally:
         workers.close()

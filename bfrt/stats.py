@@ -112,6 +112,7 @@ class Stats:
     scene_bytes: int
     settings: dict[str, Any]
     marks_reused: bool = False
+    grids: list[dict[str, Any]] = field(default_factory=list)
     hierarchy_seconds: float = 0.0
     bad_rays: int = 0
     total: Counters = field(default_factory=Counters)
@@ -139,6 +140,7 @@ class Stats:
             "scene_bytes": self.scene_bytes,
             "settings": self.settings,
             "marks_reused": self.marks_reused,
+            "grids": self.grids,
             "hierarchy_seconds": self.hierarchy_seconds,
             "bad_rays": self.bad_rays,
             **asdict(self.total),

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import Capacities
 from bfrt.image.film import Film
+from bfrt.phases.partition import Limits
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
 from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects
@@ -41,7 +42,9 @@ SHADOW_END = float(np.nextafter(1.0 - 2.0**-30, 2.0))
 #: Room for everything at once.
 ROOMY = Capacities(
     memory=0,
-    voxels=1 << 12,
+    limits=Limits(voxels=1 << 12, slab=1 << 30, single=1 << 24, uppers=1 << 24),
+    blocks=1 << 10,
+    subspace=1 << 30,
     rays=1 << 14,
     candidates=1 << 18,
     hits=1 << 14,
@@ -50,16 +53,33 @@ ROOMY = Capacities(
     threads=1,
 )
 
+
+def limited(capacities: Capacities, **limits: int) -> Capacities:
+    """The same with other limits of the grid."""
+    return replace(capacities, limits=capacities.limits._replace(**limits))
+
+
 #: What may be tight, all that a budget divides; none of it may change a hit.
 VARIATIONS = {
     "roomy": ROOMY,
-    "one voxel": replace(ROOMY, voxels=1),
-    "a few voxels": replace(ROOMY, voxels=27, candidates=ROOMY.rays),
-    "64^3 voxels": replace(ROOMY, voxels=64**3, threads=2),
+    "one voxel": limited(ROOMY, voxels=1),
+    "a few voxels": limited(replace(ROOMY, candidates=ROOMY.rays), voxels=27),
+    "64^3 voxels": limited(replace(ROOMY, threads=2), voxels=64**3),
+    "slabs of 8 layers": limited(ROOMY, voxels=40**3, slab=32 * 40**2),
+    "slabs, subspaces, threads": limited(
+        replace(ROOMY, subspace=10_000, threads=2), voxels=64**3, slab=32 * 64**2
+    ),
+    "upper voxels of 2": limited(replace(ROOMY, blocks=20), voxels=32**3, single=16**3),
+    "upper voxels of 4": limited(replace(ROOMY, blocks=3), voxels=32**3, single=8**3),
+    "no blocks": limited(replace(ROOMY, blocks=0), voxels=32**3, single=8**3),
     "one candidate a ray": replace(ROOMY, candidates=ROOMY.rays, read_buffer=PAGE),
     "some rays at a time": replace(ROOMY, rays=61, candidates=150, hits=7, queue=11, threads=2),
-    "three threads": replace(ROOMY, threads=3, read_buffer=PAGE, voxels=1 << 15),
-}
+    "some rays, slabs, blocks": limited(
+        replace(ROOMY, rays=61, candidates=150, subspace=5000), voxels=32**3, slab=32 * 32**2,
+        single=8**3,
+    ),
+    "three threads": limited(replace(ROOMY, threads=3, read_buffer=PAGE), voxels=1 << 15),
+}  # fmt: skip
 
 #: One ray at a time, the slowest there is: for few rays.
 LONELY = replace(ROOMY, rays=1, candidates=1, hits=1, queue=1, read_buffer=PAGE)
@@ -175,6 +195,7 @@ def _traced(
     hits = Spool(HIT, capacities.hits, scratch)
     queue = Spool(QUEUED, capacities.queue, scratch)
     told: list[int] = []
+    tracer = None
     try:
         tracer = Tracer(
             crowded,
@@ -192,6 +213,8 @@ def _traced(
         assert told[-1] == len(rays)
         yield hits, film, counters
     finally:
+        if tracer is not None:
+            tracer.close()
         workers.close()
         hits.close()
         queue.close()

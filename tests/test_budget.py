@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import re
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ import bfrt
 from bfrt import budget
 from bfrt.budget import capacities, default_memory, fixed_bytes, format_memory, parse_memory
 from bfrt.errors import BudgetError, SettingError
-from bfrt.phases.preprocess import resolution
+from bfrt.phases.partition import partition_of
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
 from bfrt.scene.model import Light, Material
 from bfrt.scene.writer import SceneWriter
@@ -155,7 +153,7 @@ def test_the_least_that_is_named_works_and_less_does_not(stores, view, which):
     width, height, samples, threads = view
     least = least_of(store, *view)
     plan = capacities(store, width, height, samples, least, threads)
-    assert all(value > 0 for value in asdict(plan).values())
+    assert min(plan.blocks, plan.subspace, plan.rays, plan.candidates, plan.hits, plan.queue) > 0
     assert plan.rays >= budget.FEWEST_RAYS - 1
     with pytest.raises(BudgetError):
         capacities(store, width, height, samples, least - MIB, threads)
@@ -169,19 +167,23 @@ def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
     memory = least_of(store, *view) + more
     plan = capacities(store, width, height, samples, memory, threads)
     group = store.groups[0]
-    grid = math.prod(resolution(group.grid_bounds, group.gridded, plan.voxels))
+    cut = partition_of(group, plan.limits)
     parts = {
         "fixed": fixed_bytes(store, width, height, samples, threads),
-        "marks, starts and occupancy": grid * (1 + 4 + 1 / 32),
-        "rays": plan.rays * (72 + 24),
+        "a slab": min(plan.limits.slab, 512 * cut.bricks),
+        "where bricks are": 6 * cut.bricks,
+        "starts and occupancy": cut.uppers * (4 + 8 / 64),
+        "blocks": plan.blocks * (256 + 8 + 4 + 16) if cut.lower_bits else 1,
+        "rays": plan.rays * (72 + 24 + 4 + 4),
         "candidates": plan.candidates * 8,
         "hits, waiting and shaded": plan.hits * (HIT_BYTES + 2 * HIT_BYTES + 16),
         "two queues": 2 * plan.queue * QUEUED_BYTES,
     }
-    assert all(value > 0 for value in asdict(plan).values())
     assert plan.memory == memory
     assert sum(parts.values()) <= memory
-    assert grid <= plan.voxels <= 1 << VOXEL_BITS
+    assert cut.voxels <= plan.limits.voxels <= 1 << VOXEL_BITS
+    # Before there are rays.
+    assert parts["fixed"] + plan.subspace + 6 * cut.bricks + 2 * plan.limits.slab < memory
     assert plan.rays <= 1 << RAY_BITS
     assert plan.candidates >= 4 * plan.rays
 
@@ -195,7 +197,7 @@ def test_more_memory_holds_no_fewer_rays(stores, view, which, more, step):
         for m in (memory, memory + step)
     )
     assert one.rays <= two.rays
-    assert one.voxels <= two.voxels
+    assert one.limits.voxels <= two.limits.voxels
 
 
 @pytest.mark.parametrize("part", ["width", "threads", "stores"])

@@ -23,7 +23,8 @@ SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))
 RINGS_7 = {"eye_hits": 263169, "reflection": 315236, "shadow": 1085002}
 
 KEYS = {
-    "objects", "scene_bytes", "settings", "marks_reused", "hierarchy_seconds", "rays", "phases",
+    "objects", "scene_bytes", "settings", "marks_reused", "grids", "hierarchy_seconds",
+    "rays", "phases",
     "passes", "boxes_read", "geometry_read", "box_tests", "object_tests", "voxel_steps", "seconds",
     "peak_rss_bytes", "depths",
 }  # fmt: skip
@@ -97,8 +98,10 @@ def test_the_picture_is_the_same_when_nearly_everything_is_spooled(glass, tmp_pa
     module = importlib.import_module("bfrt.rendering")
     from bfrt.budget import capacities
 
-    def tight(*arguments):
-        return replace(capacities(*arguments), voxels=30, rays=97, candidates=97, hits=50, queue=13)
+    def tight(*arguments, **settings):
+        given = capacities(*arguments, **settings)
+        limits = given.limits._replace(voxels=30)
+        return replace(given, limits=limits, rays=97, candidates=97, hits=50, queue=13)
 
     expected = bfrt.render(glass, memory="512MiB")
     monkeypatch.setattr(module, "capacities", tight)

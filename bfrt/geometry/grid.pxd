@@ -3,16 +3,16 @@
 ::
 
     face of entry, in the ray's own words        voxel index
-      LOW  + axis: moving up, by the low face      x + nx (y + ny z)
-      HIGH + axis: moving down, by the high face
-      START: the walk begins inside
+      LOW  + axis: moving up, by the low face      x, y, z times their strides; that of the slabs'
+      HIGH + axis: moving down, by the high face   axis is the longest, so that the voxels of a
+      START: the walk begins inside                slab follow each other
 
 Voxel planes are one table an axis. Crossings are computed from the index each time, so that a
 walk resumed from (voxel, face) goes on exactly as if it had never stopped.
 """
 
 from libc.math cimport INFINITY
-from libc.stdint cimport uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.geometry.box cimport Box, Span, slab_axis
 from bfrt.geometry.vector cimport Line, larger, smaller
@@ -22,18 +22,24 @@ cdef enum:
     HIGH = 3
     START = 6
 
-# What a voxel's marks tell beside its six faces: that its cube has none.
+# Marks come in bricks; where there are none is known of cubes of three sizes.
 cdef enum:
-    DARK_SHIFT = 2      # cubes of 4 voxels a side ...
-    DARKER_SHIFT = 4    # ... and of 16
+    DARK_SHIFT = 2            # 4 voxels a side: a bit of each of their marks
     DARK = 1 << 6
-    DARKER = 1 << 7
+    BRICK_SHIFT = 3           # a brick: it is not there
+    BRICK = 8
+    BRICK_BYTES = 512
+    EMPTY_BRICK = -1
+    CUBE_SHIFT = 4            # 2 bricks a side: none of them is there
+    EMPTY_CUBE = -2
 
 cdef enum:
     NOWHERE = 0xFFFFFFFF  # a voxel that is none: the walk has left the grid
 
 cdef struct Grid:
     int n[3]
+    int order[3]            # axes, from that of the shortest stride to the slabs'
+    int64_t stride[3]       # of a voxel's number, an axis
     const double* plane[3]  # n + 1 of them an axis, ascending
     double inverse[3]       # voxels per length
     double grow             # d: 2^-30 of the diagonal of the scene's bounds
@@ -58,6 +64,11 @@ cdef struct Walk:
     uint32_t voxel
     int face
     double enter    # t where the ray came into the voxel
+
+
+cdef inline int layer_of(const Grid* g, int k, uint32_t voxel) noexcept nogil:
+    """Where a voxel is along an axis."""
+    return <int>(voxel // <uint32_t>g.stride[k] % <uint32_t>g.n[k])
 
 
 cdef inline int locate(const Grid* g, int k, double x) noexcept nogil:
@@ -109,7 +120,7 @@ cdef inline double axis_exit(const Walk* w, int k) noexcept nogil:
 
 
 cdef inline void walk_line(Walk* w, const Grid* g, const Line* l) noexcept nogil:
-    cdef int k, stride = 1
+    cdef int k
     w.grid = g
     w.o[0] = l.o.x
     w.o[1] = l.o.y
@@ -122,16 +133,17 @@ cdef inline void walk_line(Walk* w, const Grid* g, const Line* l) noexcept nogil
     w.inv[2] = l.inv.z
     for k in range(3):
         w.step[k] = (w.inv[k] > 0.0) - (w.inv[k] < 0.0)
-        w.hop[k] = w.step[k] * stride
+        w.hop[k] = w.step[k] * <int>g.stride[k]
         w.side[k] = (LOW if w.step[k] > 0 else HIGH) + k
-        stride *= g.n[k]
 
 
 cdef inline void walk_settle(Walk* w) noexcept nogil:
     """Derive the voxel's number and the exits from `at`."""
     cdef const Grid* g = w.grid
     cdef int k
-    w.voxel = <uint32_t>(w.at[0] + g.n[0] * (w.at[1] + g.n[1] * w.at[2]))
+    w.voxel = <uint32_t>(
+        w.at[0] * g.stride[0] + w.at[1] * g.stride[1] + w.at[2] * g.stride[2]
+    )
     for k in range(3):
         w.border[k] = g.plane[k] + w.at[k] + (w.step[k] > 0)
         w.exit[k] = axis_exit(w, k)
@@ -182,10 +194,10 @@ cdef inline bint walk_start(Walk* w, const Grid* g, const Line* l) noexcept nogi
 cdef inline void walk_resume(Walk* w, const Grid* g, const Line* l, uint32_t voxel,
                              int face) noexcept nogil:
     """Take up a walk again from its state (rule 7). A start is taken up as at t = 0."""
+    cdef int k
     walk_line(w, g, l)
-    w.at[0] = voxel % g.n[0]
-    w.at[1] = (voxel // g.n[0]) % g.n[1]
-    w.at[2] = voxel // (g.n[0] * g.n[1])
+    for k in range(3):
+        w.at[k] = layer_of(g, k, voxel)
     walk_settle(w)
     w.face = face
     w.enter = 0.0
@@ -199,11 +211,10 @@ cdef inline double voxel_enter(const Grid* g, const Line* l, uint32_t voxel,
     if face == START:
         return 0.0
     if face % 3 == 0:
-        return (g.plane[0][voxel % g.n[0] + (face >= HIGH)] - l.o.x) * l.inv.x
-    voxel //= g.n[0]
+        return (g.plane[0][layer_of(g, 0, voxel) + (face >= HIGH)] - l.o.x) * l.inv.x
     if face % 3 == 1:
-        return (g.plane[1][voxel % g.n[1] + (face >= HIGH)] - l.o.y) * l.inv.y
-    return (g.plane[2][voxel // g.n[1] + (face >= HIGH)] - l.o.z) * l.inv.z
+        return (g.plane[1][layer_of(g, 1, voxel) + (face >= HIGH)] - l.o.y) * l.inv.y
+    return (g.plane[2][layer_of(g, 2, voxel) + (face >= HIGH)] - l.o.z) * l.inv.z
 
 
 cdef inline bint walk_step(Walk* w) noexcept nogil:
@@ -277,10 +288,6 @@ cdef inline bint walk_leave(Walk* w, int shift) noexcept nogil:
     w.enter = leave
     w.face = w.side[axis]
     return True
-
-
-cdef inline uint64_t voxel_count(const Grid* g) noexcept nogil:
-    return <uint64_t>g.n[0] * g.n[1] * g.n[2]
 
 
 cdef inline int entered_by(const Range* r, int x, int y, int z) noexcept nogil:

@@ -7,4 +7,5 @@ cdef class Lattice:
     cdef Grid grid
     cdef readonly object planes
     cdef readonly tuple shape
+    cdef readonly tuple order
     cdef readonly double grow

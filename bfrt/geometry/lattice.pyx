@@ -1,7 +1,7 @@
 """Voxel planes of a grid, and walks through it as tests and tools see them."""
 
 cimport cython
-from libc.stdint cimport uint32_t
+from libc.stdint cimport int64_t, uint32_t
 
 import numpy as np
 
@@ -25,13 +25,21 @@ cdef class Lattice:
         Voxels on each axis.
     grow : float
         d, the length by which boxes grow when a ray meets them.
+    axis : int
+        Along which the grid is cut into slabs.
     """
 
-    def __cinit__(self, lo, hi, shape, double grow):
+    def __cinit__(self, lo, hi, shape, double grow, int axis=2):
         cdef const double[::1] planes
         cdef int k
         cdef double first, last
+        cdef int64_t stride = 1
         self.shape = tuple(shape)
+        self.order = (*(k for k in range(3) if k != axis), axis)
+        for j, k in enumerate(self.order):
+            self.grid.order[j] = k
+            self.grid.stride[k] = stride
+            stride *= self.shape[k]
         self.grow = grow
         self.planes = []
         self.grid.grow = grow
@@ -49,6 +57,16 @@ cdef class Lattice:
             self.grid.slack[k] = shape[k] * 2.0**-48 + self.grid.inverse[k] * (
                 2.0 * grow + 2.0**-48 * (abs(first) + abs(last))
             )
+
+    @property
+    def axis(self):
+        """Along which the grid is cut into slabs."""
+        return self.order[2]
+
+    @property
+    def layered(self):
+        """Voxels an axis in the order of their strides, the longest first: (layers, rows, row)."""
+        return tuple(self.shape[k] for k in self.order[::-1])
 
     @property
     def voxels(self):

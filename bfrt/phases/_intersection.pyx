@@ -11,7 +11,8 @@ from bfrt.geometry.vector cimport vec
 from bfrt.phases.nearby cimport rays_near
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport (
-    BRICK_BITS, VoxelRays, brick_word, covering_level, entry_face, entry_ray, occupied, range_word,
+    BRICK_BITS, CROWD, VoxelRays, block_of, brick_word, covering_level, cube_word, entry_face,
+    entry_ray, lower_of, lowest_bit, occupied, upper_at, uppers_of,
 )
 from bfrt.records cimport INDEX_BITS, Ray
 from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, fetch
@@ -20,9 +21,7 @@ from bfrt.streams.atomic cimport atomic_load, lock, unlock
 cdef extern from *:
     """
     #define bfrt_prefetch(p) __builtin_prefetch(p)
-    #define bfrt_lowest_bit(word) __builtin_ctzll(word)
     """
-    int lowest_bit "bfrt_lowest_bit"(uint64_t word) noexcept nogil
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
 
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
@@ -33,6 +32,7 @@ cdef struct Search:
     uint64_t id
     int place              # of the object in the sweep's block
     Range range
+    Range upper            # the upper voxels of the range
     Shape shape
     bint loaded
     int gathered
@@ -120,17 +120,63 @@ cdef inline int gather(Search* s, Sweep w, uint32_t ray) except -1 nogil:
     return 0
 
 
-cdef inline int meet_voxel(Search* s, Sweep w, VoxelRays v, int x, int y,
-                           int z) except -1 nogil:
-    """The rays that enter the object's region by this voxel."""
-    cdef int64_t voxel = x + s.grid.n[0] * (y + s.grid.n[1] * <int64_t>z)
+cdef inline int meet_entries(Search* s, Sweep w, VoxelRays v, int64_t first, int64_t last, int x,
+                             int y, int z) except -1 nogil:
+    """The rays of one voxel's entries that enter the object's region by it."""
     cdef int64_t i
     cdef uint64_t entry
     cdef int faces = entered_by(&s.range, x, y, z)
-    for i in range(v.start[voxel], v.start[voxel + 1]):
+    for i in range(first, last):
         entry = v.entries[i]
         if faces >> entry_face(entry) & 1:
             gather(s, w, entry_ray(entry))
+    return 0
+
+
+cdef inline int meet_lower(Search* s, Sweep w, VoxelRays v, int64_t first, int64_t last, int lower,
+                           int x, int y, int z) except -1 nogil:
+    """The same of a voxel by where it is in the upper voxel (x, y, z)."""
+    cdef int b = v.bits, mask = (1 << v.bits) - 1
+    return meet_entries(
+        s, w, v, first, last, x << b | (lower & mask), y << b | (lower >> b & mask),
+        z << b | lower >> 2 * b,
+    )
+
+
+cdef int meet_block_of(Search* s, Sweep w, VoxelRays v, int64_t block, int64_t last, int x, int y,
+                       int z) except -1 nogil:
+    """The rays of an upper voxel whose entries are sorted by voxel."""
+    cdef uint64_t word = v.block_word[block] & cube_word(&s.range, x, y, z, v.bits)
+    cdef int64_t at, lowers = 1 << 3 * v.bits
+    cdef int lower
+    while word:
+        lower = lowest_bit(word)
+        word &= word - 1
+        at = block * lowers + lower
+        meet_lower(
+            s, w, v, v.block_start[at], last if lower + 1 == lowers else v.block_start[at + 1],
+            lower, x, y, z,
+        )
+    return 0
+
+
+cdef int meet_upper(Search* s, Sweep w, VoxelRays v, int x, int y, int z) except -1 nogil:
+    """The rays in the part of the range that an upper voxel holds."""
+    cdef int64_t upper = upper_at(v, x, y, z)
+    cdef int64_t i, block, first = v.start[upper], last = v.start[upper + 1]
+    cdef uint64_t word
+    cdef int lower
+    if v.bits == 0:
+        return meet_entries(s, w, v, first, last, x, y, z)
+    if last - first >= CROWD:
+        block = block_of(v, upper)
+        if block >= 0:
+            return meet_block_of(s, w, v, block, last, x, y, z)
+    word = cube_word(&s.range, x, y, z, v.bits)
+    for i in range(first, last):
+        lower = lower_of(v, v.entries[i])
+        if word >> lower & 1:
+            meet_lower(s, w, v, i, i + 1, lower, x, y, z)
     return 0
 
 
@@ -141,11 +187,11 @@ cdef int meet_brick(Search* s, Sweep w, VoxelRays v, int bx, int by,
     cdef int bit
     if not word:
         return 0
-    word &= range_word(&s.range.lo[0], &s.range.hi[0], bx, by, bz)
+    word &= cube_word(&s.upper, bx, by, bz, BRICK_BITS)
     while word:
         bit = lowest_bit(word)
         word &= word - 1
-        meet_voxel(
+        meet_upper(
             s, w, v, bx << BRICK_BITS | (bit & 3), by << BRICK_BITS | (bit >> 2 & 3),
             bz << BRICK_BITS | bit >> 4,
         )
@@ -156,8 +202,7 @@ cdef int meet_cube(Search* s, Sweep w, VoxelRays v, int level, int cx, int cy,
                    int cz) except -1 nogil:
     """The rays in the part of the range that a cube of some level holds."""
     cdef int at[3]
-    cdef int lo[3]
-    cdef int hi[3]
+    cdef Range part
     cdef int k, x, y, z, below
     if level == 1:
         return meet_brick(s, w, v, cx, cy, cz)
@@ -166,23 +211,23 @@ cdef int meet_cube(Search* s, Sweep w, VoxelRays v, int level, int cx, int cy,
     at[0], at[1], at[2] = cx, cy, cz
     below = BRICK_BITS * (level - 1)
     for k in range(3):
-        lo[k] = max(at[k] << BRICK_BITS, s.range.lo[k] >> below)
-        hi[k] = min((at[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, s.range.hi[k] >> below)
-    for z in range(lo[2], hi[2] + 1):
-        for y in range(lo[1], hi[1] + 1):
-            for x in range(lo[0], hi[0] + 1):
+        part.lo[k] = max(at[k] << BRICK_BITS, s.upper.lo[k] >> below)
+        part.hi[k] = min((at[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, s.upper.hi[k] >> below)
+    for z in range(part.lo[2], part.hi[2] + 1):
+        for y in range(part.lo[1], part.hi[1] + 1):
+            for x in range(part.lo[0], part.hi[0] + 1):
                 meet_cube(s, w, v, level - 1, x, y, z)
     return 0
 
 
 cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
     """All rays that enter the object's region."""
-    cdef int level = covering_level(v, &s.range.lo[0], &s.range.hi[0])
+    cdef int level = covering_level(v, &s.upper)
     cdef int down = BRICK_BITS * level
     cdef int x, y, z
-    for z in range(s.range.lo[2] >> down, (s.range.hi[2] >> down) + 1):
-        for y in range(s.range.lo[1] >> down, (s.range.hi[1] >> down) + 1):
-            for x in range(s.range.lo[0] >> down, (s.range.hi[0] >> down) + 1):
+    for z in range(s.upper.lo[2] >> down, (s.upper.hi[2] >> down) + 1):
+        for y in range(s.upper.lo[1] >> down, (s.upper.hi[1] >> down) + 1):
+            for x in range(s.upper.lo[0] >> down, (s.upper.hi[0] >> down) + 1):
                 meet_cube(s, w, v, level, x, y, z)
     meet_box(s, w)
     if s.pending:
@@ -204,6 +249,7 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
             s.loaded = False
             box_grow(&w.box[i], s.grid.grow, &s.box)
             box_range(s.grid, &w.box[i], &s.range)
+            s.upper = uppers_of(v, &s.range)
             meet_rays(s, w, v)
     return 0
 

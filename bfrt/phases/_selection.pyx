@@ -1,4 +1,4 @@
-"""The walk down a stream's hierarchy: a parent near no ray is skipped with all below it."""
+"""The walk down a stream's hierarchy: a parent near nothing is skipped with all below it."""
 
 cimport cython
 from libc.stdint cimport int64_t
@@ -6,6 +6,7 @@ from libc.stdint cimport int64_t
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.nearby cimport rays_near
+from bfrt.phases.subspace cimport Subspace, box_near
 from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport Parent
 from bfrt.streams.reader cimport Reader, skip, take
@@ -22,7 +23,7 @@ cdef enum:
 cdef class Selection:
     """The objects of a stream that a pass has to look at, as ranges, in order.
 
-    Each level is read forwards, and only those of its records whose parents are near rays.
+    Each level is read forwards, and only those of its records whose parents are near something.
 
     Parameters
     ----------
@@ -67,11 +68,13 @@ cdef class Selection:
         self.end[self.top] = self.counts[self.top]
         self.level = self.top
 
-    def select(self, Lattice lattice, VoxelRays voxel_rays, int64_t[:, ::1] ranges):
+    def select(self, Lattice lattice, where, int64_t[:, ::1] ranges):
         """Find the next ranges of objects.
 
         Parameters
         ----------
+        where : VoxelRays or Subspace
+            The voxels that hold rays, or those of a part of the grid.
         ranges : (capacity, 2) int64
             OUT. First and end of each, ascending.
 
@@ -80,7 +83,10 @@ cdef class Selection:
         int
             How many; 0 at the end.
         """
+        cdef VoxelRays rays = where if isinstance(where, VoxelRays) else None
+        cdef Subspace subspace = None if isinstance(where, VoxelRays) else where
         cdef Parent parent
+        cdef bint near
         cdef int64_t begin, n = 0
         cdef int k
         while self.level <= self.top and n < ranges.shape[0]:
@@ -91,7 +97,11 @@ cdef class Selection:
             begin = self.child[k]
             parent = self.read(k)
             self.boxes_read += 1
-            if not rays_near(<const Box*>&parent, &lattice.grid, voxel_rays):
+            if rays is not None:
+                near = rays_near(<const Box*>&parent, &lattice.grid, rays)
+            else:
+                near = box_near(<const Box*>&parent, &lattice.grid, subspace)
+            if not near:
                 continue
             if k > 1:
                 self.descend(k - 1, begin, parent.end)

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
 from bfrt.phases.outliers import Outliers
+from bfrt.phases.voxel_rays import VoxelRays
 
 def admit(
     queued: NDArray[Any],
@@ -15,18 +16,35 @@ def admit(
     first: int,
     last: int,
     lattice: Lattice,
-    marks: NDArray[np.uint8],
     outliers: Outliers,
-) -> tuple[int, int, int, int]: ...
-def collect(
+) -> tuple[int, int, int]: ...
+def arrange(
     rays: NDArray[Any],
+    first: int,
+    lattice: Lattice,
+    slab_of_layer: NDArray[np.int32],
+    starts: NDArray[np.int64],
+    order: NDArray[np.uint32],
+) -> None: ...
+def walk(
+    rays: NDArray[Any],
+    order: NDArray[np.uint32],
     first: int,
     last: int,
     lattice: Lattice,
-    marks: NDArray[np.uint8],
-    quota: int,
+    slab: int,
+    bricks: NDArray[np.uint8],
+    first_brick: int,
+    table: NDArray[np.int32],
+    slab_of_layer: NDArray[np.int32],
+    left: NDArray[np.uint32],
+    voxel_rays: VoxelRays,
     slots: NDArray[np.uint64],
-) -> tuple[int, int]: ...
+    used: NDArray[np.int64],
+) -> tuple[int, int, int]: ...
+def close_up(
+    order: NDArray[np.uint32], firsts: NDArray[np.int64], counts: NDArray[np.int64], end: int
+) -> int: ...
 def settle(
     rays: NDArray[Any],
     paths: NDArray[Any],

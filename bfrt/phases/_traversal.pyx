@@ -1,20 +1,21 @@
 """The walks: a ray's candidate voxels, and the sentinel where its next pass begins."""
 
 from libc.math cimport INFINITY
-from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
-from libc.string cimport memmove
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint32_t, uint64_t
+from libc.string cimport memcpy, memmove
 
 from bfrt.geometry.grid cimport (
-    DARK, DARK_SHIFT, DARKER, DARKER_SHIFT, NOWHERE, START, Walk, voxel_enter, walk_leave,
-    walk_resume, walk_start, walk_step,
+    BRICK, BRICK_BYTES, BRICK_SHIFT, CUBE_SHIFT, DARK, DARK_SHIFT, EMPTY_CUBE, NOWHERE, START, Grid,
+    Walk, voxel_enter, walk_leave, walk_resume, walk_start, walk_step,
 )
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.vector cimport Line
 from bfrt.image.film cimport Film, film_add
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.phases.outliers cimport Outliers, meet_outliers
-from bfrt.phases.voxel_rays cimport entry_of
+from bfrt.phases.voxel_rays cimport VoxelRays, entry_of, voxel_of
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
+from bfrt.streams.atomic cimport atomic_fetch_add
 
 cdef extern from *:
     """
@@ -23,17 +24,69 @@ cdef extern from *:
     """
     const double LIGHT "BFRT_LIGHT"
 
+# What is known of the voxel where a ray's walk is.
+cdef enum:
+    CANDIDATE = 0  # it is a candidate: the next that is taken
+    UNSEEN = 1     # its marks have not been looked at
 
-cdef inline bint marked(const uint8_t* marks, const Walk* w) noexcept nogil:
-    return w.face == START or marks[w.voxel] >> w.face & 1
+cdef enum:
+    NO_SLAB = 1 << 30  # farther than any
+
+cdef enum:
+    GATHERED = 128  # candidates that a thread puts into memory together
+
+# The slab that is in memory, and where the bricks of all are.
+cdef struct Slab:
+    int number
+    const int32_t* table   # where each brick is, of the whole grid
+    int64_t stride[3]      # of a brick in the table, an axis
+    int shift[3]           # of a voxel in its brick, an axis
+    int axis
+    const int32_t* slab_of  # the slab of each layer of bricks
+    const uint8_t* bricks  # of the brick that would be number 0
+
+# Candidates on their way from one thread into memory that all share.
+cdef struct Outgoing:
+    uint64_t entries[GATHERED]
+    int n
+    uint64_t* slots
+    int64_t* used
 
 
-cdef inline bint walk_on(const uint8_t* marks, Walk* w) noexcept nogil:
+cdef inline void flush(Outgoing* out) noexcept nogil:
+    cdef int64_t at = atomic_fetch_add(out.used, out.n)
+    memcpy(&out.slots[at], &out.entries[0], out.n * sizeof(uint64_t))
+    out.n = 0
+
+
+cdef inline void put(Outgoing* out, uint64_t entry) noexcept nogil:
+    out.entries[out.n] = entry
+    out.n += 1
+    if out.n == GATHERED:
+        flush(out)
+
+
+cdef inline int32_t brick_at(const Slab* s, const int* at) noexcept nogil:
+    """Where the brick of a voxel is, or EMPTY_BRICK, or EMPTY_CUBE."""
+    return s.table[
+        (at[0] >> BRICK_SHIFT) * s.stride[0] + (at[1] >> BRICK_SHIFT) * s.stride[1]
+        + (at[2] >> BRICK_SHIFT) * s.stride[2]
+    ]
+
+
+cdef inline uint8_t mark_at(const Slab* s, int64_t brick, const int* at) noexcept nogil:
+    """The marks of a voxel of a brick."""
+    return s.bricks[
+        brick * BRICK_BYTES + ((at[0] & (BRICK - 1)) << s.shift[0])
+        + ((at[1] & (BRICK - 1)) << s.shift[1]) + ((at[2] & (BRICK - 1)) << s.shift[2])
+    ]
+
+
+cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
     """On to the next voxel, or out of a cube without marks; false when the ray leaves the grid."""
-    cdef uint8_t mark = marks[w.voxel]
-    if mark < DARK:
-        return walk_step(w)
-    return walk_leave(w, DARKER_SHIFT if mark & DARKER else DARK_SHIFT)
+    if brick >= 0:
+        return walk_leave(w, DARK_SHIFT) if mark & DARK else walk_step(w)
+    return walk_leave(w, CUBE_SHIFT if brick == EMPTY_CUBE else BRICK_SHIFT)
 
 
 cdef void enter(const Queued* q, Ray* r, Path* p) noexcept nogil:
@@ -45,31 +98,31 @@ cdef void enter(const Queued* q, Ray* r, Path* p) noexcept nogil:
     r.voxel = NOWHERE
     r.kind = <uint8_t>q.kind
     r.face = 0
-    r.lock = r.unused = 0
+    r.lock = 0
+    r.state = UNSEEN
     p.pixel, p.sample, p.kind = q.pixel, q.sample, q.kind
     p.red, p.green, p.blue = q.red, q.green, q.blue
 
 
 def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base,
-          int64_t first, int64_t last, Lattice lattice, const uint8_t[::1] marks,
-          Outliers outliers):
-    """Walk queued rays to their first candidates; the paper's initialisation.
+          int64_t first, int64_t last, Lattice lattice, Outliers outliers):
+    """Bring queued rays to where they first meet the grid.
 
     Parameters
     ----------
     queued : (n,) records.QUEUED
         IN.
     rays, paths : (capacity,) records.RAY, records.PATH
-        OUT from `base` on, ray for ray. Where there is no candidate, voxel is NOWHERE.
+        OUT from `base` on, ray for ray. Where a ray does not meet the grid, voxel is NOWHERE.
     first, last : int
         The part of `queued` to do.
 
     Returns
     -------
-    steps, box_tests, object_tests, bad : int
+    box_tests, object_tests, bad : int
         Counts; bad rays are NaN, infinite or without direction.
     """
-    cdef int64_t i, steps = 0, box_tests = 0, object_tests = 0, bad = 0
+    cdef int64_t i, box_tests = 0, object_tests = 0, bad = 0
     cdef Ray* r
     cdef Line line
     cdef Walk w
@@ -82,63 +135,182 @@ def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base
                 continue
             line = ray_line(r)
             meet_outliers(outliers, r, &line, lattice.grow, &box_tests, &object_tests)
-            if not walk_start(&w, &lattice.grid, &line):
-                continue
-            while w.enter <= r.t:
-                steps += 1
-                if marked(&marks[0], &w):
-                    r.voxel = w.voxel
-                    r.face = <uint8_t>w.face
-                    break
-                if not walk_on(&marks[0], &w):
-                    break
-    return steps, box_tests, object_tests, bad
+            if walk_start(&w, &lattice.grid, &line) and w.enter <= r.t:
+                r.voxel = w.voxel
+                r.face = <uint8_t>w.face
+    return box_tests, object_tests, bad
 
 
-def collect(Ray[::1] rays, int64_t first, int64_t last, Lattice lattice,
-            const uint8_t[::1] marks, int64_t quota, uint64_t[::1] slots):
-    """Find the candidates of this pass, and the sentinel.
+cdef inline int slab_of(const Grid* g, const Ray* r, const int32_t* slabs) noexcept nogil:
+    return slabs[r.voxel // <uint32_t>g.stride[g.order[2]] >> BRICK_SHIFT]
+
+
+cdef inline bint descends(const Grid* g, const Ray* r) noexcept nogil:
+    """Whether a ray goes through the slabs from the last to the first."""
+    return (&r.dx)[g.order[2]] < 0.0
+
+
+def arrange(const Ray[::1] rays, int64_t first, Lattice lattice, const int32_t[::1] slab_of_layer,
+            int64_t[::1] starts, uint32_t[::1] order):
+    """Put rays into the slabs where their walks are (the paper's figure 4).
 
     Parameters
     ----------
     rays : (n,) records.RAY
-        IN, OUT. (voxel, face) is the first candidate of this pass; afterwards that of the next,
-        or voxel is NOWHERE.
-    quota : int
-        Candidates a ray at the most.
+        IN.
+    first : int
+        The rays before it are left out.
+    slab_of_layer : (layers of bricks,) int32
+        IN.
+    starts : (2 slabs + 1,) int64
+        OUT. Where each part of `order` begins: rays that ascend, slab by slab, then those that
+        descend, from the last slab to the first.
+    order : (n,) uint32
+        OUT. The rays' numbers.
+    """
+    cdef int64_t i, total
+    cdef int slabs = <int>(starts.shape[0] // 2), part
+    cdef const int32_t* layers = &slab_of_layer[0]
+    with nogil:
+        starts[:] = 0
+        for i in range(first, rays.shape[0]):
+            if rays[i].voxel != NOWHERE:
+                part = slab_of(&lattice.grid, &rays[i], layers)
+                if descends(&lattice.grid, &rays[i]):
+                    part = 2 * slabs - 1 - part
+                starts[part + 1] += 1
+        for part in range(2 * slabs):
+            starts[part + 1] += starts[part]
+        total = starts[2 * slabs]
+        for i in range(rays.shape[0] - 1, first - 1, -1):
+            if rays[i].voxel != NOWHERE:
+                part = slab_of(&lattice.grid, &rays[i], layers)
+                if descends(&lattice.grid, &rays[i]):
+                    part = 2 * slabs - 1 - part
+                starts[part + 1] -= 1
+                order[starts[part + 1]] = <uint32_t>i
+        # Each start has sunk to the one before it.
+        for part in range(2 * slabs):
+            starts[part] = starts[part + 1]
+        starts[2 * slabs] = total
+
+
+cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* left, VoxelRays v,
+                      Outgoing* out) noexcept nogil:
+    """Walk through the slab, until the sentinel is found; returns the voxels stepped to.
+
+    A ray that comes into a brick of another slab has that voxel as its state, unseen. Bricks that
+    are not there have no slab.
+    """
+    cdef int64_t steps = 0
+    cdef bint candidate = r.state == CANDIDATE
+    cdef int32_t brick
+    cdef uint8_t mark = 0
+    r.state = CANDIDATE
+    while True:
+        brick = brick_at(s, &w.at[0])
+        if brick >= 0:
+            if s.slab_of[w.at[s.axis] >> BRICK_SHIFT] != s.number:
+                r.voxel, r.face = w.voxel, <uint8_t>w.face
+                r.state = CANDIDATE if candidate else UNSEEN
+                return steps
+            mark = mark_at(s, brick, &w.at[0])
+        else:
+            mark = 0
+        if not candidate:
+            steps += 1
+            candidate = w.face == START or mark >> w.face & 1
+        if candidate:
+            if left[0] == 0:
+                r.voxel, r.face = w.voxel, <uint8_t>w.face
+                return steps
+            left[0] -= 1
+            put(out, entry_of(voxel_of(v, &w.at[0]), ray, w.face))
+            candidate = False
+        if not walk_on(brick, mark, w) or w.enter > r.t:
+            r.voxel = NOWHERE
+            return steps
+
+
+def walk(Ray[::1] rays, uint32_t[::1] order, int64_t first, int64_t last, Lattice lattice, int slab,
+         const uint8_t[:, ::1] bricks, int64_t first_brick, const int32_t[:, :, ::1] table,
+         const int32_t[::1] slab_of_layer, uint32_t[::1] left, VoxelRays voxel_rays,
+         uint64_t[::1] slots, int64_t[::1] used):
+    """Walk rays through one slab: the candidates of this pass, and the sentinel.
+
+    Parameters
+    ----------
+    rays : (n,) records.RAY
+        IN, OUT. (voxel, face) is where a ray is; afterwards the first candidate of the next pass,
+        or where it comes into another slab, or voxel is NOWHERE.
+    order : (n,) uint32
+        IN, OUT. Which rays, in [first, last); afterwards, from first on, those that go on to
+        another slab.
+    slab : int
+        The slab's number.
+    bricks : (n, 512) uint8
+        IN. Its bricks, of which the first has the number `first_brick`.
+    table : (layers, rows, row) int32
+        IN. Where each brick is.
+    slab_of_layer : (layers,) int32
+        IN.
+    left : (n,) uint32
+        IN, OUT. Candidates that each ray may still take in this pass.
     slots : (capacity,) uint64
-        OUT, from first * quota on.
+        OUT, from used[0] on: candidates.
+    used : (1,) int64
+        IN, OUT. Threads share it.
 
     Returns
     -------
-    n, steps : int
-        Candidates found; voxels stepped to.
+    leaving, nearest, steps : int
+        Rays that go on to another slab; how many slabs on the nearest of those is; voxels stepped
+        to.
     """
-    cdef int64_t i, found, n = first * quota, steps = 0
-    cdef Ray* r
-    cdef Line line
+    cdef const Grid* g = &lattice.grid
+    cdef Slab s
+    cdef Outgoing out
     cdef Walk w
+    cdef Line line
+    cdef Ray* r
+    cdef int64_t i, stride = 1, leaving = first, steps = 0
+    cdef int k, nearest = NO_SLAB
+    cdef uint32_t ray
+    s.number, s.axis = slab, g.order[2]
+    s.table, s.slab_of = &table[0, 0, 0], &slab_of_layer[0]
+    s.bricks = &bricks[0, 0] - first_brick * BRICK_BYTES
+    for k in range(3):
+        s.stride[g.order[k]] = stride
+        s.shift[g.order[k]] = k * BRICK_SHIFT
+        stride *= table.shape[2 - k]
+    out.n, out.slots, out.used = 0, &slots[0], &used[0]
     with nogil:
         for i in range(first, last):
-            r = &rays[i]
-            line = ray_line(r)
-            walk_resume(&w, &lattice.grid, &line, r.voxel, r.face)
-            slots[n] = entry_of(w.voxel, <uint32_t>i, w.face)
-            n += 1
-            found = 1
-            r.voxel = NOWHERE
-            while walk_on(&marks[0], &w) and w.enter <= r.t:
-                steps += 1
-                if not marked(&marks[0], &w):
+            ray = order[i]
+            r = &rays[ray]
+            if slab_of(g, r, s.slab_of) == slab:
+                line = ray_line(r)
+                walk_resume(&w, g, &line, r.voxel, r.face)
+                steps += walk_ray(&s, &w, r, ray, &left[ray], voxel_rays, &out)
+                if r.voxel == NOWHERE or slab_of(g, r, s.slab_of) == slab:
                     continue
-                if found == quota:
-                    r.voxel = w.voxel
-                    r.face = <uint8_t>w.face
-                    break
-                slots[n] = entry_of(w.voxel, <uint32_t>i, w.face)
-                n += 1
-                found += 1
-    return n - first * quota, steps
+            order[leaving] = ray
+            leaving += 1
+            nearest = min(nearest, abs(slab_of(g, r, s.slab_of) - slab))
+        flush(&out)
+    return leaving - first, nearest, steps
+
+
+def close_up(uint32_t[::1] order, const int64_t[::1] firsts, const int64_t[::1] counts,
+             int64_t end):
+    """Move the parts (firsts, counts), ascending, together so that they end at `end`; returns
+    where they begin."""
+    cdef int64_t i
+    with nogil:
+        for i in range(firsts.shape[0] - 1, -1, -1):
+            end -= counts[i]
+            memmove(&order[end], &order[firsts[i]], counts[i] * sizeof(uint32_t))
+    return end
 
 
 cdef inline bint complete(const Ray* r, Lattice lattice) noexcept nogil:

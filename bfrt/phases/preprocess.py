@@ -3,34 +3,48 @@
 The paper marks every voxel that a bounding box overlaps. A ray needs to be stored only where it
 *enters* the region of a box (its footnote 3), so ours is a mark for each face of a voxel, set
 where a region begins at that face: marking costs the surface of a region, not its volume.
+
+A grid that memory does not hold is preprocessed in subspaces, each in a pass over the hierarchy
+that leaves out what lies outside it; what they find is merged into layers on disk (section 3.2).
 """
 
 from __future__ import annotations
 
-import logging
+import itertools
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
-from bfrt.phases._preprocess import darken, mark
-from bfrt.scene.extent import Bounds
-from bfrt.scene.marks import load_marks, marks_path, save_marks
+from bfrt.phases._preprocess import mark
+from bfrt.phases._slabs import pack
+from bfrt.phases.partition import Partition, subspaces
+from bfrt.phases.selection import Selections, sweep_all, sweep_near
+from bfrt.phases.subspace import Subspace
+from bfrt.scene.marks import (
+    BRICK,
+    BRICK_BYTES,
+    Layout,
+    Marks,
+    MarksWriter,
+    Shape,
+    bricks_of,
+    marks_path,
+    open_marks,
+    writing_marks,
+)
 from bfrt.scene.objects import Objects
 from bfrt.scene.store import Group, Store
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Counters
-from bfrt.workers import Workers
+from bfrt.streams.spool import Spool
 
-log = logging.getLogger(__name__)
+Bytes = NDArray[np.uint8]
 
-#: Voxels for each object of the grid. One is the rule's; two measured better, with entry marks,
-#: on rings of 8 thousand and of a million objects: fewer boxes to test, few more steps to walk.
-VOXELS_EACH = 2
-
-#: Voxels a side of the larger cubes that walks leave at once.
-DARKER_CUBE = 16
+#: A brick in a spool.
+BRICK_RECORD = np.dtype(f"V{BRICK_BYTES}")
 
 #: A box grows by this part of the diagonal of the scene's bounds when rays meet it.
 GROW = 2.0**-30
@@ -41,27 +55,7 @@ def growth(store: Store) -> float:
     return GROW * store.bounds.diagonal
 
 
-def resolution(bounds: Bounds, objects: int, most: int) -> tuple[int, int, int]:
-    """Voxels an axis: cubic ones, in proportion to the objects, `most` of them at the most.
-
-    The rule is Klimaszewski and Sederberg's (1997).
-    """
-    if bounds.empty or objects == 0:
-        return (1, 1, 1)
-    sides = bounds.grid_sides()
-    if not sides.all():  # one point: any side will do
-        return (1, 1, 1)
-    voxels = float(max(1, min(VOXELS_EACH * objects, most)))
-    while True:
-        side = float(np.prod(sides / sides.max())) ** (1 / 3) * float(sides.max())
-        side /= voxels ** (1 / 3)
-        shape = np.maximum(1, np.rint(sides / side)).astype(np.int64)
-        if int(np.prod(shape)) <= max(1, most):
-            return (int(shape[0]), int(shape[1]), int(shape[2]))
-        voxels *= 0.9
-
-
-def lattice_of(store: Store, group: Group, shape: tuple[int, int, int]) -> Lattice:
+def lattice_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Lattice:
     """The grid of a group."""
     if group.grid_bounds.empty:
         return Lattice((0.0,) * 3, (1.0,) * 3, (1, 1, 1), 0.0)
@@ -69,52 +63,142 @@ def lattice_of(store: Store, group: Group, shape: tuple[int, int, int]) -> Latti
     thick = (group.grid_bounds.grid_sides() - (hi - lo)) / 2
     # A scene of one point has no diagonal: give its voxel some room.
     room = 0.0 if store.bounds.diagonal else max(1.0, float(np.abs(lo).max()))
-    return Lattice(lo - thick - room, hi + thick + room, shape, growth(store))
+    return Lattice(lo - thick - room, hi + thick + room, shape, growth(store), axis)
 
 
 def preprocess(
     store: Store,
     objects: Objects,
+    selections: Selections | None,
     lattice: Lattice,
+    partition: Partition,
+    subspace: int,
     *,
     fresh: bool,
     scratch: Path,
     counters: Counters,
-) -> tuple[NDArray[np.uint8], bool]:
+) -> tuple[Marks, bool]:
     """The marks of a group's grid, and whether they were there already.
+
+    Parameters
+    ----------
+    selections : Selections, optional
+        Without, every subspace takes a pass over all objects.
+    subspace : int
+        Voxels that are marked at a time, at the most.
 
     Returns
     -------
-    marks : (voxels,) uint8
-        Bit f of a voxel is set where a region begins there by face f.
+    marks : Marks
     reused : bool
     """
     path = marks_path(store, objects.group, scratch)
-    marks = np.empty(lattice.voxels, np.uint8)
-    if not fresh and load_marks(path, store, lattice.shape, marks):
-        counters.phases.preprocess.bytes_read += marks.nbytes
-        return marks, True
-    marks[:] = 0
-
-    def loop(_: int, sweep: Sweep, first: int, last: int) -> None:
-        mark(sweep, last - first, lattice, marks)
-
-    counters.sweep(objects.each(loop), objects)
-    counters.phases.preprocess.swept(objects)
-    try:
-        counters.phases.preprocess.bytes_written += save_marks(path, store, lattice.shape, marks)
-    except OSError as error:
-        log.warning("marks are not kept for the next render: %s", error)
-    return marks, False
+    layout = Layout(partition.shape, partition.axis)
+    found = None if fresh else open_marks(path, store, layout)
+    if found is not None:
+        return found, True
+    marking = Marking(objects, selections, lattice, scratch, counters)
+    with writing_marks(path, store, layout) as writer:
+        marking.mark_all(subspace, writer)
+    counters.phases.preprocess.bytes_written += writer.bytes
+    made = open_marks(path, store, layout)
+    if made is None:  # someone else has replaced them meanwhile
+        raise RuntimeError(f"{path}: the marks that were made are gone")
+    return made, False
 
 
-def darken_all(marks: NDArray[np.uint8], lattice: Lattice, workers: Workers) -> None:
-    """Add to each voxel's marks whether its cubes of 4 and of 16 voxels a side have none.
+class Marking:
+    """Makes the marks of a grid, subspace by subspace."""
 
-    Walks leave such a cube at once. This is of the marks in memory; those on disk go without.
-    """
+    def __init__(
+        self,
+        objects: Objects,
+        selections: Selections | None,
+        lattice: Lattice,
+        scratch: Path,
+        counters: Counters,
+    ) -> None:
+        self._objects = objects
+        self._selections = selections
+        self._lattice = lattice
+        self._scratch = scratch
+        self._counters = counters
 
-    def chunk(_: int, first: int, last: int) -> None:
-        darken(marks, lattice, first, last)
+    def mark_all(self, most: int, writer: MarksWriter) -> None:
+        """Write all layers, of subspaces of up to `most` voxels."""
+        parts = list(subspaces(self._lattice.layered, most))
+        for _, row in itertools.groupby(parts, lambda part: part[0][0]):
+            row_parts = list(row)
+            if len(row_parts) == 1:
+                for bricks, occupied in layers_of(self._marked(*row_parts[0], len(parts) > 1)):
+                    writer.add(bricks, occupied)
+            else:
+                self._merge(row_parts, writer)
 
-    workers.run(chunk, -(-lattice.shape[2] // DARKER_CUBE))
+    def _marked(self, begin: Shape, end: Shape, partial: bool) -> Bytes:
+        """The marks of a subspace: one pass over the objects."""
+        a, b, c = (e - b for b, e in zip(begin, end, strict=True))
+        marks = np.zeros((a, b, c), np.uint8)
+        subspace = Subspace(self._lattice, begin, end)
+        phase = self._counters.phases.preprocess
+
+        def loop(sweep: Sweep, ranges: NDArray[np.int64]) -> None:
+            mark(sweep, ranges, self._lattice, subspace, marks)
+
+        if self._selections is None or not partial:
+            boxes = sweep_all(self._objects, loop)
+        else:
+            boxes = sweep_near(self._objects, self._selections, self._lattice, subspace, loop)
+            boxes += self._selections.count(phase)
+        self._counters.sweep(boxes, self._objects)
+        phase.swept(self._objects)
+        return marks
+
+    def _merge(self, parts: list[tuple[Shape, Shape]], writer: MarksWriter) -> None:
+        """Write the layers of subspaces that lie beside each other."""
+        spools = [Spool(BRICK_RECORD, 0, self._scratch) for _ in parts]
+        phase = self._counters.phases.preprocess
+        try:
+            tables = []
+            for (begin, end), spool in zip(parts, spools, strict=True):
+                occupied = []
+                for bricks, layer in layers_of(self._marked(begin, end, True)):
+                    spool.append(bricks.view(BRICK_RECORD).reshape(-1))
+                    occupied.append(layer)
+                tables.append(np.stack(occupied))
+            corners = [tuple(x // BRICK for x in begin[1:]) for begin, _ in parts]
+            for number in range(len(tables[0])):
+                writer.add(*merged(corners, [t[number] for t in tables], spools, writer))
+        finally:
+            for spool in spools:
+                phase.spooled(spool)
+                spool.close()
+
+
+def layers_of(marks: Bytes) -> Iterator[tuple[Bytes, Bytes]]:
+    """Layers of bricks of a subspace: those that are kept (n, 512), and which they are."""
+    _, rows, row = bricks_of((1, marks.shape[1], marks.shape[2]))
+    bricks = np.empty((rows * row, BRICK_BYTES), np.uint8)
+    for first in range(0, len(marks), BRICK):
+        occupied = np.empty((rows, row), np.uint8)
+        n = pack(marks[first : first + BRICK], bricks, occupied)
+        yield bricks[:n], occupied
+
+
+def merged(
+    corners: list[tuple[int, ...]], tables: list[Bytes], spools: list[Spool], writer: MarksWriter
+) -> tuple[Bytes, Bytes]:
+    """A layer of the grid, of those of subspaces whose first bricks are at `corners`."""
+    occupied = np.zeros(writer.occupied.shape[1:], np.uint8)
+    parts = []
+    for (y, x), table in zip(corners, tables, strict=True):
+        part = (slice(y, y + table.shape[0]), slice(x, x + table.shape[1]))
+        occupied[part] = table
+        parts.append(part)
+    places = np.cumsum(occupied.reshape(-1), dtype=np.int64).reshape(occupied.shape) - 1
+    bricks = np.empty((int(occupied.sum()), BRICK_BYTES), np.uint8)
+    for part, table, spool in zip(parts, tables, spools, strict=True):
+        n = int(table.sum())
+        own = places[part][table.astype(bool)]
+        bricks[own] = spool.read(n).view(np.uint8).reshape(n, BRICK_BYTES)
+    return bricks, occupied

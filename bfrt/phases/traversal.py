@@ -2,7 +2,8 @@
 
 The paper's section 3.2: rays walk to their first candidate before they take memory; in a pass a
 ray goes on from there, and the first candidate that it does not take, the sentinel, is found in
-the same walk.
+the same walk. Walks go slab by slab: those that ascend from the first slab to the last, then those
+that descend from the last to the first, so that each slab is read twice at the most.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
-from bfrt.phases._traversal import admit, close_ranks, collect, settle
+from bfrt.phases._traversal import admit, arrange, close_ranks, close_up, settle, walk
 from bfrt.phases.outliers import Outliers
+from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import HIT, PATH, RAY
 from bfrt.stats import Counters
@@ -31,6 +32,9 @@ SWEPT_EACH = 32
 #: Rays that enter memory at once, and the fewest worth handing to a thread.
 ADMITTED = 65536
 FEWEST = 512
+
+#: Of memory: with so many rays in it no more are looked for, where that means to read slabs.
+FULL = 0.75
 
 #: Rays that a thread looks at together for whether they are complete.
 SETTLED = 8192
@@ -55,20 +59,24 @@ class Flight:
     def __init__(
         self,
         capacity: int,
-        lattice: Lattice,
-        marks: NDArray[np.uint8],
+        slabs: Slabs,
+        voxel_rays: VoxelRays,
         outliers: Outliers,
         workers: Workers,
     ) -> None:
-        self.lattice = lattice
+        self.lattice = slabs.lattice
         self.active = 0
         self.bad = 0
         self._quota = FIRST_QUOTA
-        self._marks = marks
+        self._slabs = slabs
+        self._voxel_rays = voxel_rays
         self._outliers = outliers
         self._workers = workers
         self._rays = np.empty(capacity, RAY)
         self._paths = np.empty(capacity, PATH)
+        self._order = np.empty(capacity, np.uint32)
+        self._left = np.empty(capacity, np.uint32)
+        self._starts = np.empty(2 * slabs.count + 1, np.int64)
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
 
     @property
@@ -88,58 +96,102 @@ class Flight:
         finished = 0
         if len(queue):
             self._quota = FIRST_QUOTA
-        tallies: list[tuple[int, int, int, int]] = []
+        several = self._slabs.count > 1
         while len(queue) and self.active < len(self._rays):
             base = self.active
-            rays = queue.read(min(ADMITTED, len(self._rays) - base))
-
-            def chunk(
-                _: int, first: int, last: int, rays: NDArray[Any] = rays, base: int = base
-            ) -> None:
-                tally = admit(
-                    rays,
-                    self._rays,
-                    self._paths,
-                    base,
-                    first,
-                    last,
-                    self.lattice,
-                    self._marks,
-                    self._outliers,
-                )
-                tallies.append(tally)
-
-            self._workers.run(chunk, len(rays), smallest=FEWEST)
-            self.active += len(rays)
+            self._enter(queue, counters)
+            while several and len(queue) and self.active < len(self._rays):
+                self._enter(queue, counters)
+            self._walk(base, 0, counters)
             finished += self.settle(film, background, hits, counters, base)
-        for steps, box_tests, object_tests, bad in tallies:
-            counters.voxel_steps += steps
+            if several and self.active > FULL * len(self._rays):
+                break
+        return finished
+
+    def _enter(self, queue: Queue, counters: Counters) -> None:
+        """Take rays from the queue, to where they first meet the grid."""
+        base = self.active
+        rays = queue.read(min(ADMITTED, len(self._rays) - base))
+        tallies: list[tuple[int, int, int]] = []
+
+        def chunk(_: int, first: int, last: int) -> None:
+            tallies.append(
+                admit(
+                    rays, self._rays, self._paths, base, first, last, self.lattice, self._outliers
+                )
+            )
+
+        self._workers.run(chunk, len(rays), smallest=FEWEST)
+        self.active += len(rays)
+        for box_tests, object_tests, bad in tallies:
             counters.box_tests += box_tests
             counters.object_tests += object_tests
             self.bad += bad
-        return finished
 
-    def collect(self, voxel_rays: VoxelRays, objects: int, counters: Counters) -> None:
+    def collect(self, objects: int, counters: Counters) -> None:
         """Store every active ray in its next candidate voxels.
 
         Few in a ray's first pass, for most rays end soon, and twice as many in each that follows;
         no fewer than a sweep over so many objects is worth, never more than memory holds. So
         passes grow like a logarithm.
         """
-        slots = voxel_rays.slots
         worth = max(self._quota, objects // (SWEPT_EACH * self.active))
-        quota = max(1, min(worth, len(slots) // self.active))
+        quota = max(1, min(worth, len(self._voxel_rays.slots) // self.active))
         self._quota *= 2
-        segments: list[tuple[int, int, int]] = []
+        self._voxel_rays.sort(self._walk(0, quota, counters), self._workers)
+
+    def _walk(self, base: int, quota: int, counters: Counters) -> int:
+        """Walk rays, from `base` on, to their sentinels; returns the candidates found."""
+        slabs, starts, order = self._slabs, self._starts, self._order
+        arrange(self.rays, base, self.lattice, slabs.slab_of, starts, order)
+        self._left[base : self.active] = quota
+        used = np.zeros(1, np.int64)
+        carried = nearest = 0
+        for part in range(2 * slabs.count):
+            begin, end = int(starts[part]) - carried, int(starts[part + 1])
+            if begin + carried < end or (carried and nearest == part):
+                slab = part if part < slabs.count else 2 * slabs.count - 1 - part
+                carried, distance = self._walk_slab(slab, begin, end, used, counters)
+                nearest = part + distance
+        counters.phases.traversal.bytes_read += slabs.bytes_read
+        slabs.bytes_read = 0
+        return int(used[0])
+
+    def _walk_slab(
+        self, slab: int, begin: int, end: int, used: NDArray[np.int64], counters: Counters
+    ) -> tuple[int, int]:
+        """Walk the rays of a slab; those that go on are brought to the end of its part of the
+        order. Returns how many they are, and how many slabs on the nearest of those is."""
+        slabs = self._slabs
+        bricks, first_brick = slabs.load(slab)
+        parts: list[tuple[int, int]] = []
+        tallies: list[tuple[int, int]] = []
 
         def chunk(_: int, first: int, last: int) -> None:
-            found, steps = collect(self._rays, first, last, self.lattice, self._marks, quota, slots)
-            segments.append((first * quota, found, steps))
+            leaving, nearest, steps = walk(
+                self._rays,
+                self._order,
+                begin + first,
+                begin + last,
+                self.lattice,
+                slab,
+                bricks,
+                first_brick,
+                slabs.table,
+                slabs.slab_of,
+                self._left,
+                self._voxel_rays,
+                self._voxel_rays.slots,
+                used,
+            )
+            parts.append((begin + first, leaving))
+            tallies.append((nearest, steps))
 
-        self._workers.run(chunk, self.active, smallest=FEWEST)
-        firsts, counts, steps = np.array(sorted(segments), np.int64).T.copy()
-        counters.voxel_steps += int(steps.sum())
-        voxel_rays.sort(firsts, counts, self._workers)
+        self._workers.run(chunk, end - begin, smallest=FEWEST)
+        firsts, counts = np.array(sorted(parts), np.int64).T.copy()
+        counters.voxel_steps += sum(steps for _, steps in tallies)
+        carried = end - close_up(self._order, firsts, counts, end)
+        return carried, min(nearest for nearest, _ in tallies)
 
     def settle(
         self,

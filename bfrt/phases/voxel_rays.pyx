@@ -1,4 +1,4 @@
-"""The voxel ray store, on one level: candidates sorted by voxel, in place.
+"""The voxel ray store: candidates sorted by upper voxel, in place; crowds by voxel too.
 
 First into buckets of neighboring voxels, then, bucket by bucket, into voxels: a counting sort over
 the whole grid would miss the cache with every candidate (it took five times as long).
@@ -6,13 +6,16 @@ the whole grid would miss the cache with every candidate (it took five times as 
 
 cimport cython
 from libc.stdint cimport int64_t, uint32_t, uint64_t
-from libc.string cimport memmove, memset
+from libc.string cimport memset
 
 import numpy as np
 
+from bfrt.geometry.grid cimport Range
+
 cdef enum:
     PLACED_BIT = 63
-    BUCKETS = 256  # parts of the grid whose voxels and candidates fit a core's cache
+    LONGEST = 1024  # runs of so many rays and more are equally long
+    LOWER = 64      # voxels of an upper voxel at the most
 
 
 @cython.final
@@ -25,14 +28,21 @@ cdef class VoxelRays:
         Voxels an axis.
     capacity : int
         Candidates at the most. All memory is taken here.
+    bits : int
+        An upper voxel is 2^bits voxels a side: 0 for a grid of one level, 1 or 2.
+    blocks : int
+        Lower-level blocks. They go to the upper voxels with the most rays; in others, and in all
+        that have but a few, rays are looked through one by one.
     """
 
-    def __cinit__(self, shape, int64_t capacity):
+    def __cinit__(self, shape, int64_t capacity, int bits=0, int64_t blocks=0):
         cdef int64_t upper = 0
         cdef int k
-        size = np.array(shape, np.int64)
+        self.bits = bits
+        size = -(-np.array(shape, np.int64) >> bits)
         for k in range(3):
             self.n[k] = size[k]
+        self.uppers = int(np.prod(size))
         self.levels = 0
         while self.levels == 0 or (size.max() > 1 and self.levels < LEVELS - 1):
             size = (size + (1 << BRICK_BITS) - 1) >> BRICK_BITS
@@ -45,51 +55,51 @@ cdef class VoxelRays:
                 self.level_begin[self.levels] = upper
                 upper += np.prod(size)
         self.entries = np.empty(capacity, np.uint64)
-        self.voxels = int(np.prod(shape))
-        self.start = np.empty(self.voxels + 1, np.uint32)
-        self.upper = np.empty(upper, np.uint8)
+        self.start = np.empty(self.uppers + 1, np.uint32)
+        self.cubes = np.empty(upper, np.uint8)
         self.bucket_bits = 0
-        while (self.voxels - 1) >> self.bucket_bits >= BUCKETS:
+        while (self.uppers - 1) >> self.bucket_bits >= BUCKETS:
             self.bucket_bits += 1
+        self.blocks = min(blocks, self.uppers, (1 << BLOCK_BITS) - 1) if bits else 0
+        self.owner = np.empty(self.blocks, np.uint32)
+        self.block_word = np.empty(self.blocks, np.uint64)
+        self.block_start = np.empty(self.blocks << 3 * bits, np.uint32)
+        self.place_bits = 1
+        while 1 << self.place_bits < 2 * self.blocks:
+            self.place_bits += 1
+        self.places = np.zeros(1 << self.place_bits, np.uint64)
 
     @property
     def slots(self):
         """Where candidates are put before `sort`, (capacity,) uint64."""
         return np.asarray(self.entries)
 
-    def sort(self, const int64_t[::1] firsts, const int64_t[::1] counts, workers):
-        """Put candidates into their voxels.
+    def sort(self, int64_t n, workers):
+        """Put the first n candidates of `slots` into their voxels.
 
         Parameters
         ----------
-        firsts, counts : (segments,) int64
-            Where in `slots` they are, ascending.
         workers : bfrt.workers.Workers
             Each sorts the candidates of some buckets, each part of the grid small enough for
-            its core's cache, and sums up some layers of bricks.
+            its core's cache, sums up some layers of bricks, and fills some blocks.
         """
-        cdef int64_t n = self.pack(firsts, counts)
-
         def buckets(_, first, last):
             self.sort_buckets(first, last)
 
         def layers(_, first, last):
             self.sum_up(first, last)
 
+        def blocks(_, first, last):
+            self.fill_blocks(first, last)
+
         self.partition(n)
         workers.run(buckets, BUCKETS)
-        self.start[self.voxels] = <uint32_t>n
+        self.start[self.uppers] = <uint32_t>n
         workers.run(layers, self.level_size[1][2])
         self.raise_levels()
-
-    cdef int64_t pack(self, const int64_t[::1] firsts, const int64_t[::1] counts) noexcept:
-        """Close the gaps between the segments; returns how many candidates there are."""
-        cdef int64_t n = 0, i
-        with nogil:
-            for i in range(firsts.shape[0]):
-                memmove(&self.entries[n], &self.entries[firsts[i]], counts[i] * sizeof(uint64_t))
-                n += counts[i]
-        return n
+        if self.blocks:
+            self.give_blocks()
+            workers.run(blocks, self.given, smallest=64)
 
     cdef void partition(self, int64_t n) noexcept:
         """Bring candidates into the order of their buckets, and note where each begins.
@@ -121,45 +131,45 @@ cdef class VoxelRays:
                     next_of[b] += 1
 
     cdef inline int bucket_of(self, uint64_t entry) noexcept nogil:
-        return <int>(entry_voxel(entry) >> self.bucket_bits)
+        return <int>(entry_voxel(entry) >> (3 * self.bits + self.bucket_bits))
 
     cdef void sort_buckets(self, int first, int last) noexcept:
         """Sort the candidates of buckets [first, last)."""
         cdef int b
-        cdef int64_t voxel
+        cdef int64_t upper
         with nogil:
             for b in range(first, last):
-                voxel = min(<int64_t>b << self.bucket_bits, self.voxels)
+                upper = min(<int64_t>b << self.bucket_bits, self.uppers)
                 self.count(
-                    voxel, min(<int64_t>(b + 1) << self.bucket_bits, self.voxels),
+                    upper, min(<int64_t>(b + 1) << self.bucket_bits, self.uppers),
                     self.border[b], self.border[b + 1],
                 )
                 self.place(self.border[b], self.border[b + 1])
 
-    cdef void count(self, int64_t voxel, int64_t end, int64_t first,
+    cdef void count(self, int64_t upper, int64_t end, int64_t first,
                     int64_t last) noexcept nogil:
-        """Set start[v] to where voxel v's entries end, for v in [voxel, end)."""
+        """Set start[u] to where upper voxel u's entries end, for u in [upper, end)."""
         cdef int64_t i
         cdef uint32_t total = <uint32_t>first
-        self.start[voxel:end] = 0
+        self.start[upper:end] = 0
         for i in range(first, last):
-            self.start[entry_voxel(self.entries[i])] += 1
-        for i in range(voxel, end):
+            self.start[entry_voxel(self.entries[i]) >> 3 * self.bits] += 1
+        for i in range(upper, end):
             total += self.start[i]
             self.start[i] = total
 
     cdef void place(self, int64_t first, int64_t last) noexcept nogil:
-        """Follow each cycle of the permutation; start[v] sinks to where v begins."""
+        """Follow each cycle of the permutation; start[u] sinks to where u begins."""
         cdef uint64_t placed = <uint64_t>1 << PLACED_BIT
         cdef uint64_t entry, other
         cdef int64_t i, j
-        cdef uint32_t voxel
+        cdef uint32_t upper
         for i in range(first, last):
             entry = self.entries[i]
             while not entry & placed:
-                voxel = entry_voxel(entry)
-                self.start[voxel] -= 1
-                j = self.start[voxel]
+                upper = entry_voxel(entry) >> 3 * self.bits
+                self.start[upper] -= 1
+                j = self.start[upper]
                 other = self.entries[j]
                 self.entries[j] = entry | placed
                 if j == i:
@@ -167,7 +177,7 @@ cdef class VoxelRays:
                 entry = other
 
     cdef void sum_up(self, int first, int last) noexcept:
-        """Set the bits of voxels that hold rays, in the layers [first, last) of bricks."""
+        """Set the bits of upper voxels that hold rays, in the layers [first, last) of bricks."""
         cdef int z, y
         cdef int64_t row, brick
         cdef int64_t layer = self.level_size[1][0] * <int64_t>self.level_size[1][1]
@@ -184,7 +194,7 @@ cdef class VoxelRays:
                         self.sum_up_row(row, brick, (y & 3) << 2 | (z & 3) << 4)
 
     cdef void sum_up_row(self, int64_t row, int64_t brick, int bit) noexcept nogil:
-        """Set the bits, from `bit` on in each brick, of one row of voxels."""
+        """Set the bits, from `bit` on in each brick, of one row of upper voxels."""
         cdef int x
         for x in range(self.n[0]):
             if self.start[row + x] != self.start[row + x + 1]:
@@ -195,7 +205,7 @@ cdef class VoxelRays:
         cdef int x, y, z
         cdef int64_t at = 0
         with nogil:
-            self.upper[:] = 0
+            self.cubes[:] = 0
             for z in range(self.level_size[1][2]):
                 for y in range(self.level_size[1][1]):
                     for x in range(self.level_size[1][0]):
@@ -213,42 +223,115 @@ cdef class VoxelRays:
             at = self.level_begin[level] + x + self.level_size[level][0] * (
                 y + self.level_size[level][1] * <int64_t>z
             )
-            if self.upper[at]:
+            if self.cubes[at]:
                 return
-            self.upper[at] = 1
+            self.cubes[at] = 1
 
-    cdef bint any_within(self, const int* lo, const int* hi) noexcept nogil:
-        """Whether any of the voxels lo to hi, inclusive, holds a ray."""
+    cdef void give_blocks(self) noexcept:
+        """Give the blocks away: to the upper voxels with the most rays, if they have a crowd."""
+        cdef int64_t histogram[LONGEST + 1]
+        cdef int64_t upper, rays, left = self.blocks
+        cdef int least = LONGEST
+        with nogil:
+            self.given = 0
+            self.places[:] = 0
+            memset(&histogram[0], 0, sizeof(histogram))
+            for upper in range(self.uppers):
+                rays = self.start[upper + 1] - self.start[upper]
+                if rays >= CROWD:
+                    histogram[min(rays, LONGEST)] += 1
+            while least > CROWD and histogram[least] <= left:
+                left -= histogram[least]
+                least -= 1
+            left = min(left, histogram[least])  # of those with the least rays, the first
+            for upper in range(self.uppers):
+                rays = min(self.start[upper + 1] - self.start[upper], LONGEST)
+                if rays > least:
+                    self.give(<uint32_t>upper)
+                elif rays == least and left > 0:
+                    self.give(<uint32_t>upper)
+                    left -= 1
+
+    cdef void give(self, uint32_t upper) noexcept nogil:
+        """Give the next block to an upper voxel."""
+        cdef uint64_t mask = (<uint64_t>1 << self.place_bits) - 1
+        cdef uint64_t at = place_of(self, upper)
+        while self.places[at]:
+            at = (at + 1) & mask
+        self.places[at] = (<uint64_t>upper + 1) << BLOCK_BITS | <uint64_t>self.given
+        self.owner[self.given] = upper
+        self.given += 1
+
+    cdef void fill_blocks(self, int64_t first, int64_t last) noexcept:
+        cdef int64_t block
+        with nogil:
+            for block in range(first, last):
+                self.fill(block)
+
+    cdef void fill(self, int64_t block) noexcept nogil:
+        """Sort an upper voxel's entries by voxel, and note where each begins."""
+        cdef uint32_t next_of[LOWER]
+        cdef uint32_t end_of[LOWER]
+        cdef int lowers = 1 << 3 * self.bits
+        cdef int64_t first = self.start[self.owner[block]]
+        cdef int64_t last = self.start[self.owner[block] + 1]
+        cdef int64_t i
+        cdef uint32_t total = <uint32_t>first
+        cdef uint64_t entry, other, word = 0
+        cdef int k, own
+        memset(&next_of[0], 0, sizeof(next_of))
+        for i in range(first, last):
+            next_of[lower_of(self, self.entries[i])] += 1
+        for k in range(lowers):
+            word |= <uint64_t>(next_of[k] > 0) << k
+            total += next_of[k]
+            end_of[k] = total
+            next_of[k] = total - next_of[k]
+            self.block_start[block * lowers + k] = next_of[k]
+        self.block_word[block] = word
+        for k in range(lowers):
+            while next_of[k] < end_of[k]:
+                entry = self.entries[next_of[k]]
+                own = lower_of(self, entry)
+                while own != k:
+                    other = self.entries[next_of[own]]
+                    self.entries[next_of[own]] = entry
+                    next_of[own] += 1
+                    entry = other
+                    own = lower_of(self, entry)
+                self.entries[next_of[k]] = entry
+                next_of[k] += 1
+
+    cdef bint any_within(self, const Range* r) noexcept nogil:
+        """Whether any of the voxels of a range holds a ray."""
+        cdef Range upper = uppers_of(self, r)
         cdef int cube[3]
-        cdef int level = covering_level(self, lo, hi)
-        for cube[2] in range(lo[2] >> BRICK_BITS * level, (hi[2] >> BRICK_BITS * level) + 1):
-            for cube[1] in range(lo[1] >> BRICK_BITS * level, (hi[1] >> BRICK_BITS * level) + 1):
-                for cube[0] in range(
-                    lo[0] >> BRICK_BITS * level, (hi[0] >> BRICK_BITS * level) + 1
-                ):
-                    if self.cube_within(level, &cube[0], lo, hi):
+        cdef int down
+        cdef int level = covering_level(self, &upper)
+        down = BRICK_BITS * level
+        for cube[2] in range(upper.lo[2] >> down, (upper.hi[2] >> down) + 1):
+            for cube[1] in range(upper.lo[1] >> down, (upper.hi[1] >> down) + 1):
+                for cube[0] in range(upper.lo[0] >> down, (upper.hi[0] >> down) + 1):
+                    if self.cube_within(level, &cube[0], r, &upper):
                         return True
         return False
 
-    cdef bint cube_within(self, int level, const int* cube, const int* lo,
-                          const int* hi) noexcept nogil:
+    cdef bint cube_within(self, int level, const int* cube, const Range* r,
+                          const Range* upper) noexcept nogil:
         """The same of the part of them that a cube of some level holds."""
-        cdef uint64_t word
-        cdef int first[3]
-        cdef int last[3]
-        cdef int part[3]
+        cdef Range part
+        cdef int at[3]
         cdef int k, below = BRICK_BITS * (level - 1)
         if level == 1:
-            word = brick_word(self, cube[0], cube[1], cube[2])
-            return word and word & range_word(lo, hi, cube[0], cube[1], cube[2])
+            return brick_within(self, r, upper, cube[0], cube[1], cube[2])
         if not occupied(self, level, cube[0], cube[1], cube[2]):
             return False
         for k in range(3):
-            first[k] = max(cube[k] << BRICK_BITS, lo[k] >> below)
-            last[k] = min((cube[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, hi[k] >> below)
-        for part[2] in range(first[2], last[2] + 1):
-            for part[1] in range(first[1], last[1] + 1):
-                for part[0] in range(first[0], last[0] + 1):
-                    if self.cube_within(level - 1, &part[0], lo, hi):
+            part.lo[k] = max(cube[k] << BRICK_BITS, upper.lo[k] >> below)
+            part.hi[k] = min((cube[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, upper.hi[k] >> below)
+        for at[2] in range(part.lo[2], part.hi[2] + 1):
+            for at[1] in range(part.lo[1], part.hi[1] + 1):
+                for at[0] in range(part.lo[0], part.hi[0] + 1):
+                    if self.cube_within(level - 1, &at[0], r, upper):
                         return True
         return False

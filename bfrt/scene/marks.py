@@ -1,22 +1,35 @@
 """Voxel marks on disk: made once for a store and a grid, used by every later render.
 
-::
+Marks are kept by bricks of 8 x 8 x 8 voxels, of which those without any mark are left out. The
+bricks of a layer lie together, so that a slab, some layers, is one read::
 
-    offset  bytes  what
-         0      8  magic
-         8      4  format version
-        12     12  voxels an axis: x, y, z
-        24      4  checksum of the store's header
-        28      4  CRC-32 of the marks
-        32    ...  marks, one byte a voxel, x fastest
+    offset  bytes      what
+         0      8      magic
+         8      4      format version
+        12     12      voxels an axis: x, y, z
+        24      4      the axis across the layers: 0, 1, 2
+        28      4      checksum of the store's header
+        32      8      bricks that are kept
+        40      4      CRC-32 of the tables
+        44      4      CRC-32 of these 44 bytes
+        48      4 L    the CRC-32 of each layer's bricks
+       ...      B / 8  a bit for each brick, the first in the highest: whether it is kept
+       ...      512 a brick: one byte a voxel
+
+Bricks, and voxels in a brick, come in the order of their numbers (bfrt/geometry/grid.pxd); a brick
+at the border of the grid is whole, and its voxels beyond have no marks. Bits 0 to 5 of a voxel are
+its marks, bit 6 is set where its cube of 4 voxels a side has none.
 """
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import struct
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,15 +37,103 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
-from bfrt.scene.store import Group, Store, checksum_of
+from bfrt.scene.store import Group, Store
 from bfrt.streams.aside import aside, put, refused
 
 MAGIC = b"bfrtmark"
-VERSION = 1
-HEADER = struct.Struct("<8sI3III")
+VERSION = 2
+HEADER = struct.Struct("<8sI3IIIQI")
+CRC = struct.Struct("<I")
+
+#: Voxels a side of a brick, and bytes of one.
+BRICK = 8
+BRICK_BYTES = BRICK**3
 
 Shape = tuple[int, int, int]
-Marks = NDArray[np.uint8]
+Bytes = NDArray[np.uint8]
+
+
+def bricks_of(layered: Shape) -> Shape:
+    """Bricks an axis, of voxels an axis."""
+    a, b, c = (-(-n // BRICK) for n in layered)
+    return (a, b, c)
+
+
+class Layout(NamedTuple):
+    """The grid that marks are of.
+
+    Attributes
+    ----------
+    shape : tuple of 3 int
+        Voxels an axis: x, y, z.
+    axis : int
+        The one across the layers.
+    """
+
+    shape: Shape
+    axis: int
+
+    @property
+    def bricks(self) -> Shape:
+        """How many: (layers, rows of a layer, bricks of a row)."""
+        rest = [n for k, n in enumerate(self.shape) if k != self.axis]
+        return bricks_of((self.shape[self.axis], rest[1], rest[0]))
+
+    @property
+    def data_at(self) -> int:
+        """Where the first brick begins in the file."""
+        bits = -(-math.prod(self.bricks) // 8)
+        return HEADER.size + CRC.size + CRC.size * self.bricks[0] + bits
+
+
+class Marks:
+    """Marks in a file, of which only the tables are in memory.
+
+    Attributes
+    ----------
+    occupied : ndarray of uint8, shape (layers, rows, bricks of a row)
+        Which bricks are kept: 0 or 1.
+    first : ndarray of int64, shape (layers + 1,)
+        How many bricks come before each layer's.
+    """
+
+    def __init__(self, path: Path, layout: Layout, occupied: Bytes, crcs: NDArray[np.uint32]):
+        self.path = path
+        self.layout = layout
+        self.occupied = occupied
+        self.first = np.zeros(len(occupied) + 1, np.int64)
+        np.cumsum(occupied.sum(axis=(1, 2)), out=self.first[1:])
+        self._crcs = crcs
+        self._checked = np.zeros(len(crcs), np.bool_)
+        try:
+            self._file = path.open("rb", buffering=0)
+        except OSError as error:
+            raise refused(path, 0, error, "reading") from error
+
+    def read(self, number: int, bricks: Bytes) -> None:
+        """Read the bricks (n, 512) that are kept of a layer; threads may read at once.
+
+        Raises
+        ------
+        StoreError
+            If they are damaged: when they are read for the first time.
+        """
+        at = self.layout.data_at + int(self.first[number]) * BRICK_BYTES
+        view, done = memoryview(bricks.reshape(-1)).cast("B"), 0
+        try:
+            while done < len(view):
+                got = os.preadv(self._file.fileno(), [view[done:]], at + done)
+                if not got:
+                    raise _damaged(self.path)
+                done += got
+        except OSError as error:
+            raise refused(self.path, at + done, error, "reading") from error
+        if not self._checked[number] and zlib.crc32(view) != self._crcs[number]:
+            raise _damaged(self.path)
+        self._checked[number] = True
+
+    def close(self) -> None:
+        self._file.close()
 
 
 def marks_path(store: Store, group: Group, scratch: Path) -> Path:
@@ -43,72 +144,107 @@ def marks_path(store: Store, group: Group, scratch: Path) -> Path:
     return scratch / f"{store.path.name}-{store.checksum:08x}-{group.number}.marks"
 
 
-def save_marks(path: Path, store: Store, shape: Shape, marks: Marks) -> int:
-    """Write marks aside and rename; returns the bytes written."""
-    header = HEADER.pack(MAGIC, VERSION, *shape, store.checksum, zlib.crc32(marks.data))
+class MarksWriter:
+    """The bricks of a grid, layer by layer."""
+
+    def __init__(self, file: io.FileIO, path: Path, layout: Layout) -> None:
+        self.occupied = np.zeros(layout.bricks, np.uint8)
+        self.crcs = np.zeros(layout.bricks[0], np.uint32)
+        self.bytes = layout.data_at
+        self._file, self._path = file, path
+        self._layer = 0
+        file.seek(layout.data_at)
+
+    def add(self, bricks: Bytes, occupied: Bytes) -> None:
+        """The next layer: its bricks (n, 512), and which those are, (rows, bricks of a row)."""
+        self.occupied[self._layer] = occupied
+        self.crcs[self._layer] = zlib.crc32(bricks.data) if len(bricks) else 0
+        put(self._file, bricks.reshape(-1).data, self._path)
+        self.bytes += bricks.nbytes
+        self._layer += 1
+
+
+@contextmanager
+def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWriter]:
+    """Marks that take their name when all layers are written."""
     with aside(path) as temporary, temporary.open("wb", buffering=0) as file:
-        put(file, header, path)
-        put(file, marks.data, path)
-    return len(header) + marks.nbytes
+        writer = MarksWriter(file, path, layout)
+        yield writer
+        kept = int(writer.occupied.sum())
+        tables = writer.crcs.astype("<u4").tobytes() + np.packbits(writer.occupied).tobytes()
+        header = HEADER.pack(
+            MAGIC, VERSION, *layout.shape, layout.axis, store.checksum, kept, zlib.crc32(tables)
+        )
+        file.seek(0)
+        put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
 
 
-def load_marks(path: Path, store: Store, shape: Shape, into: Marks) -> bool:
-    """Read the marks of a grid of `shape` into an array; false where there are none of it.
+def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
+    """The marks of a grid of this layout, if there are any.
 
     Raises
     ------
     StoreError
-        If they are there but damaged.
+        If they are there but damaged, as far as the tables and the size show.
     """
-    try:
-        with path.open("rb") as file:
-            header = _header(path, file.read(HEADER.size))
-            if not _is_of(header, store, shape):
-                return False
-            got = file.readinto(into.data)
-            more = file.read(1)
-    except FileNotFoundError:
-        return False
-    except OSError as error:
-        raise refused(path, 0, error, "reading") from error
-    if got != into.nbytes or more or zlib.crc32(into.data) != header.crc32:
-        raise _damaged(path)
-    return True
+    found = _read_tables(path, VERSION)
+    if found is None or found[:2] != (layout, store.checksum):
+        return None
+    return Marks(path, layout, *found[2:])
 
 
 def verify_marks(store: Store, group: Group) -> None:
     """Check the marks in the store, if there are any."""
     path = store.path / str(group.number) / "marks"
+    found = _read_tables(path)
+    if found is None:
+        return
+    layout, checksum, occupied, crcs = found
+    if checksum != store.checksum:
+        raise _damaged(path)
+    marks = Marks(path, layout, occupied, crcs)
+    try:
+        for number, n in enumerate(np.diff(marks.first).tolist()):
+            marks.read(number, np.empty((n, BRICK_BYTES), np.uint8))
+    finally:
+        marks.close()
+
+
+def _read_tables(
+    path: Path, only: int | None = None
+) -> tuple[Layout, int, Bytes, NDArray[np.uint32]] | None:
+    """Layout, the store's checksum, occupied bricks and checksums; None where there is no file,
+    or where `only` one version is asked for and it has another."""
     try:
         with path.open("rb") as file:
-            header = _header(path, file.read(HEADER.size))
+            size = os.fstat(file.fileno()).st_size
+            header = file.read(HEADER.size)
+            check = file.read(CRC.size)
+            if len(check) < CRC.size or header[: len(MAGIC)] != MAGIC:
+                raise _damaged(path)
+            _, version, x, y, z, axis, checksum, kept, tables_crc = HEADER.unpack(header)
+            if version != VERSION and only == VERSION:
+                return None
+            if version != VERSION or CRC.unpack(check)[0] != zlib.crc32(header):
+                raise _damaged(path)
+            layout = Layout((x, y, z), axis)
+            if axis > 2 or 0 in layout.shape or size != layout.data_at + kept * BRICK_BYTES:
+                raise _damaged(path)
+            tables = file.read(layout.data_at - file.tell())
     except FileNotFoundError:
-        return
+        return None
     except OSError as error:
         raise refused(path, 0, error, "reading") from error
-    whole = checksum_of(path, HEADER.size) == (header.crc32, math.prod(header.shape))
-    if not (whole and _is_of(header, store, header.shape)):
+    if zlib.crc32(tables) != tables_crc:
         raise _damaged(path)
-
-
-class Header(NamedTuple):
-    """What stands before the marks."""
-
-    version: int
-    shape: Shape
-    store: int
-    crc32: int
-
-
-def _header(path: Path, data: bytes) -> Header:
-    if len(data) < HEADER.size or data[: len(MAGIC)] != MAGIC:
+    layers = layout.bricks[0]
+    crcs = np.frombuffer(tables, "<u4", layers).astype(np.uint32)
+    bits = np.frombuffer(tables, np.uint8, offset=CRC.size * layers)
+    total = math.prod(layout.bricks)
+    occupied = np.unpackbits(bits, count=total).reshape(layout.bricks)
+    if int(occupied.sum()) != kept:
         raise _damaged(path)
-    _, version, x, y, z, store, crc = HEADER.unpack(data)
-    return Header(version, (x, y, z), store, crc)
-
-
-def _is_of(header: Header, store: Store, shape: Shape) -> bool:
-    return header[:3] == (VERSION, tuple(shape), store.checksum)
+    return layout, checksum, occupied, crcs
 
 
 def _damaged(path: Path) -> StoreError:

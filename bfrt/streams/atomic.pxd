@@ -12,6 +12,9 @@ cdef extern from *:
     static inline void bfrt_atomic_add(int64_t *p, int64_t n) {
         __atomic_fetch_add(p, n, __ATOMIC_RELAXED);
     }
+    static inline int64_t bfrt_atomic_fetch_add(int64_t *p, int64_t n) {
+        return __atomic_fetch_add(p, n, __ATOMIC_RELAXED);
+    }
     /* Sums of what is never negative: the order of additions cannot matter, the end neither. */
     static inline void bfrt_atomic_add_saturating(int64_t *p, int64_t n) {
         int64_t old = __atomic_load_n(p, __ATOMIC_RELAXED);
@@ -37,6 +40,7 @@ cdef extern from *:
     """
     void atomic_or "bfrt_atomic_or"(uint8_t* p, uint8_t bits) noexcept nogil
     void atomic_add "bfrt_atomic_add"(int64_t* p, int64_t n) noexcept nogil
+    int64_t atomic_fetch_add "bfrt_atomic_fetch_add"(int64_t* p, int64_t n) noexcept nogil
     void atomic_add_saturating "bfrt_atomic_add_saturating"(int64_t* p, int64_t n) noexcept nogil
     int64_t atomic_exchange "bfrt_atomic_exchange"(int64_t* p, int64_t n) noexcept nogil
     double atomic_load "bfrt_atomic_load"(const void* p) noexcept nogil

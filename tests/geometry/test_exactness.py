@@ -14,10 +14,12 @@ from scenes import flat_scene, joined, lattice_scene, random_objects, random_ray
 
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
-from bfrt.phases._traversal import admit, collect, settle
+from bfrt.phases._traversal import admit, settle, walk
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
-from bfrt.phases.preprocess import growth, lattice_of, resolution
+from bfrt.phases.partition import partition, resolution
+from bfrt.phases.preprocess import growth, lattice_of
+from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import HIT, INDEX_BITS, PATH, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
 from bfrt.reference.independent import Objects, agree, stable
@@ -167,7 +169,12 @@ def test_rule_3_a_range_is_that_of_the_box_grown_by_2d(tmp_path):
     rays = rays_of(rng, objects, 300, "along an axis from a corner of the grid",
                    "through two corners of the grid", "at a corner of the grid")  # fmt: skip
     for voxels in (8**3, 16**3, 4**3):
-        check_both(store, *rays, tmp_path, replace(fast.ROOMY, voxels=voxels, candidates=1 << 14))
+        check_both(
+            store,
+            *rays,
+            tmp_path,
+            fast.limited(replace(fast.ROOMY, candidates=1 << 14), voxels=voxels),
+        )
 
 
 def test_rule_4_an_axis_without_direction_never_steps(tmp_path):
@@ -202,7 +209,7 @@ def test_rule_5_the_grid_spans_the_grown_boxes_and_walks_start_where_they_are(tm
     (group,) = store.groups
     d = growth(store)
     assert d == 2.0**-30 * store.bounds.diagonal
-    lattice = lattice_of(store, group, resolution(group.grid_bounds, 4000, 4000))
+    lattice = lattice_of(store, group, resolution(group.grid_bounds, 4000))
     low, high = ([p[end] for p in lattice.planes] for end in (0, -1))
     assert (low <= group.grid_bounds.lo - 2 * d).all()
     assert (high >= group.grid_bounds.hi + 2 * d).all()
@@ -280,7 +287,8 @@ def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path):
     store = fast.write(objects, tmp_path / "s.bfrt", origin=ORIGIN)
     rays = rays_of(rng, objects, 30)
     once = fast.nearest(store, *rays, tmp_path)
-    capacities = replace(fast.ROOMY, rays=len(rays[0]), candidates=len(rays[0]), voxels=20**3)
+    few = replace(fast.ROOMY, rays=len(rays[0]), candidates=len(rays[0]))
+    capacities = fast.limited(few, voxels=20**3)
     many = fast.nearest(store, *rays, tmp_path, capacities)
     np.testing.assert_array_equal(many.ids, once.ids)
     np.testing.assert_array_equal(many.t, once.t)
@@ -293,6 +301,20 @@ def walker(t, voxel, face):
     rays[["ox", "oy", "oz", "dz"]] = (0.5, 0.5, -1.0, 1.0)
     rays[["t", "voxel", "face", "kind"]] = (t, voxel, face, RayKind.REFLECTION)
     return rays, paths
+
+
+def walked(rays, lattice, marks, quota):
+    """How many candidates a ray finds in the one brick of a lattice of 1 x 1 x 8 voxels."""
+    bricks = np.zeros((1, 512), np.uint8)
+    bricks[0, ::64] = marks
+    one, used = np.zeros((1, 1, 1), np.int32), np.zeros(1, np.int64)
+    order, left = np.zeros(1, np.uint32), np.array([quota], np.uint32)
+    store = VoxelRays(lattice.shape, 8)
+    leaving = walk(
+        rays, order, 0, 1, lattice, 0, bricks, 0, one, one[0, 0], left, store, store.slots, used
+    )[0]
+    assert leaving == 0 and used[0] == quota - left[0]
+    return used[0]
 
 
 def test_rule_8_what_ties_is_met(tmp_path):
@@ -318,13 +340,12 @@ def test_rule_8_what_ties_is_met(tmp_path):
     # The voxel at z = 3 is entered at t = 4.
     lattice = Lattice([0.0] * 3, [1.0, 1.0, 8.0], (1, 1, 8), 0.0)
     marks = np.full(8, 1 << UP, np.uint8)
-    slots = np.zeros(8, np.uint64)
     for t, found, sentinel in ((4.0, 4, NOWHERE), (np.nextafter(4.0, 3.0), 3, NOWHERE)):
         rays, _ = walker(t, 0, UP)
-        assert collect(rays, 0, 1, lattice, marks, 8, slots)[0] == found
+        assert walked(rays, lattice, marks, 8) == found
         assert rays["voxel"][0] == sentinel
     rays, _ = walker(4.0, 0, UP)
-    assert collect(rays, 0, 1, lattice, marks, 3, slots)[0] == 3
+    assert walked(rays, lattice, marks, 3) == 3
     assert rays["voxel"][0] == 3
     for t, left in ((4.0, 1), (np.nextafter(4.0, 3.0), 0)):
         rays, paths = walker(t, 3, UP)
@@ -338,7 +359,8 @@ def test_rule_8_what_ties_is_met(tmp_path):
         outliers = Outliers(store, replace(store.groups[0], outliers=[Kind.POLYGON << INDEX_BITS]))
         queued = fast.queued([[0.5, 0.5, -1.0]], [[0.0, 0.0, 1.0]], RayKind.REFLECTION)
         rays, paths = walker(0.0, 0, 0)
-        admit(queued, rays, paths, 0, 0, 1, lattice, marks, outliers)
+        admit(queued, rays, paths, 0, 0, 1, lattice, outliers)
+        assert walked(rays, lattice, marks, 0) == 0
         assert (rays["t"][0], rays["voxel"][0]) == (height + 1.0, voxel)
 
 
@@ -385,9 +407,10 @@ def test_rule_10_each_ray_meets_each_box_once(tmp_path):
     assert len(origins) > 50
     boxes = boxes_of(store)
     for voxels in (1, 5**3, 20**3, 40**3):
-        capacities = replace(fast.ROOMY, voxels=voxels)
+        capacities = fast.limited(fast.ROOMY, voxels=voxels)
         found = fast.nearest(store, origins, directions, tmp_path, capacities)
-        lattice = lattice_of(store, group, resolution(group.grid_bounds, 1 << 30, voxels))
+        cut = partition(group.grid_bounds, 1 << 30, capacities.limits)
+        lattice = lattice_of(store, group, cut.shape)
         assert found.counters.box_tests == pairs(lattice, boxes, origins, directions)
 
 

@@ -91,9 +91,18 @@ def test_random_scenes_of_any_capacities(tmp_path, seed):
     store, *rays = scene_and_rays(rng, scene, tmp_path / "s.bfrt", DTYPES[seed % 2], 20)
     for turn in range(4):
         room = int(10 ** rng.uniform(0.5, 2.5))
+        uppers = int(10 ** rng.uniform(0, 5))
+        limits = fast.Limits(
+            voxels=int(10 ** rng.uniform(0, 5)),
+            slab=int(10 ** rng.uniform(3, 6)),
+            single=min(uppers, int(10 ** rng.uniform(0, 5))),
+            uppers=uppers,
+        )
         capacities = replace(
             fast.ROOMY,
-            voxels=int(10 ** rng.uniform(0, 5)),
+            limits=limits,
+            blocks=int(rng.choice([0, 1, 20, 1000])),
+            subspace=int(10 ** rng.uniform(2, 6)),
             rays=room,
             candidates=room + int(10 ** rng.uniform(0, 4)),
             hits=int(10 ** rng.uniform(0, 3)),
@@ -144,7 +153,8 @@ def test_enough_rays_for_every_thread(tmp_path):
     t, ids = exhaustive.nearest(store, *rays)
     for voxels in (64**3, 20**3, 2**3):
         for threads in (1, 2, 3):
-            capacities = replace(fast.ROOMY, voxels=voxels, threads=threads, candidates=1 << 17)
+            roomy = replace(fast.ROOMY, threads=threads, candidates=1 << 17)
+            capacities = fast.limited(roomy, voxels=voxels)
             assert len(ids) > capacities.rays
             found = fast.nearest(store, *rays, tmp_path, capacities)
             np.testing.assert_array_equal(found.ids, ids)
@@ -160,7 +170,7 @@ def test_long_scenes(tmp_path, shape):
     stretched = replace(stretched, cones=scene.cones * [*shape, 1, *shape, 1])
     store, *rays = scene_and_rays(rng, stretched, tmp_path / "s.bfrt", np.float64, 20)
     for voxels in (1, 50, 5000):
-        check(store, *rays, tmp_path, replace(fast.ROOMY, voxels=voxels))
+        check(store, *rays, tmp_path, fast.limited(fast.ROOMY, voxels=voxels))
 
 
 # --- the standard scenes -----------------------------------------------------------------------
@@ -251,11 +261,14 @@ def lattice_rays(draw):
 
 
 tight = st.builds(
-    lambda voxels, rays, spare, threads: replace(
-        fast.ROOMY, voxels=voxels, rays=rays, candidates=rays + spare, hits=5, queue=5,
-        read_buffer=fast.PAGE, threads=threads,
+    lambda voxels, slab, single, rays, spare, threads: replace(
+        fast.limited(fast.ROOMY, voxels=voxels, slab=slab, single=single), rays=rays,
+        candidates=rays + spare, hits=5, queue=5, read_buffer=fast.PAGE, threads=threads,
+        blocks=2, subspace=2000,
     ),
     st.sampled_from([1, 8, 27, 64, 343, 512, 4096]),
+    st.sampled_from([2048, 1 << 20]),
+    st.sampled_from([8, 64, 4096]),
     st.sampled_from([1, 3, 40]),
     st.sampled_from([0, 1, 40, 1000]),
     st.integers(1, 2),

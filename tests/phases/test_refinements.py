@@ -106,7 +106,7 @@ def occupied(shape, voxels):
     """Voxel rays with one candidate in each of some voxels."""
     rays = VoxelRays(shape, max(1, len(voxels)))
     rays.slots[: len(voxels)] = np.sort(voxels).astype(np.uint64) << np.uint64(24)
-    rays.sort(np.array([0]), np.array([len(voxels)]), Workers(1))
+    rays.sort(len(voxels), Workers(1))
     return rays
 
 

@@ -7,12 +7,24 @@ import os
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bfrt.errors import StoreError, StreamError
-from bfrt.scene.marks import HEADER, load_marks, marks_path, save_marks
+from bfrt.scene.marks import (
+    BRICK_BYTES,
+    CRC,
+    HEADER,
+    Layout,
+    marks_path,
+    open_marks,
+    writing_marks,
+)
 from bfrt.scene.writer import SceneWriter
 
-SHAPE = (3, 4, 5)
+#: 3 layers of 2 rows of 1 brick.
+LAYOUT = Layout((13, 5, 20), 2)
+SIZE = HEADER.size + CRC.size + 3 * CRC.size + 1 + 4 * BRICK_BYTES
 
 
 @pytest.fixture
@@ -22,84 +34,143 @@ def store(tmp_path):
     return writer.close()
 
 
-@pytest.fixture
-def marks():
-    return np.random.default_rng(1).integers(0, 256, 60).astype(np.uint8)
+def layers(layout=LAYOUT, seed=1, kept=None):
+    """Bricks of each layer, and which they are."""
+    rng = np.random.default_rng(seed)
+    count, rows, row = layout.bricks
+    for _ in range(count):
+        occupied = (rng.random((rows, row)) < 0.6).astype(np.uint8)
+        yield rng.integers(0, 256, (int(occupied.sum()), BRICK_BYTES)).astype(np.uint8), occupied
 
 
-def test_round_trip(store, marks, tmp_path):
+def save(path, store, layout=LAYOUT, seed=1):
+    with writing_marks(path, store, layout) as writer:
+        for bricks, occupied in layers(layout, seed):
+            writer.add(bricks, occupied)
+    return writer.bytes
+
+
+def read(path, store, layout=LAYOUT):
+    """All bricks, or None where there are no marks of this layout."""
+    marks = open_marks(path, store, layout)
+    if marks is None:
+        return None
+    try:
+        parts = []
+        for number, n in enumerate(np.diff(marks.first)):
+            parts.append(np.empty((n, BRICK_BYTES), np.uint8))
+            marks.read(number, parts[-1])
+        return marks.occupied, np.concatenate(parts)
+    finally:
+        marks.close()
+
+
+def expected(layout=LAYOUT, seed=1):
+    parts = list(layers(layout, seed))
+    return np.stack([o for _, o in parts]), np.concatenate([b for b, _ in parts])
+
+
+def test_round_trip(store, tmp_path):
     path = marks_path(store, store.groups[0], tmp_path)
     assert path == store.path / "0" / "marks"
-    assert save_marks(path, store, SHAPE, marks) == path.stat().st_size == HEADER.size + 60
-    into = np.empty(60, np.uint8)
-    assert load_marks(path, store, SHAPE, into)
-    np.testing.assert_array_equal(into, marks)
+    assert LAYOUT.bricks == (3, 1, 2)
+    assert save(path, store) == path.stat().st_size == SIZE
+    for found, saved in zip(read(path, store), expected(), strict=True):
+        np.testing.assert_array_equal(found, saved)
     store.verify()
+
+
+@given(shape=st.tuples(*[st.integers(1, 40)] * 3), axis=st.integers(0, 2), seed=st.integers(0, 99))
+def test_any_layout(tmp_path_factory, shape, axis, seed):
+    folder = tmp_path_factory.mktemp("marks")
+    store = SceneWriter(folder / "a.bfrt").close()
+    layout = Layout(shape, axis)
+    save(folder / "marks", store, layout, seed)
+    both = zip(read(folder / "marks", store, layout), expected(layout, seed), strict=True)
+    for found, saved in both:
+        np.testing.assert_array_equal(found, saved)
 
 
 def test_there_are_none(store, tmp_path):
-    into = np.full(60, 7, np.uint8)
-    assert not load_marks(tmp_path / "none", store, SHAPE, into)
-    assert (into == 7).all()
+    assert open_marks(tmp_path / "none", store, LAYOUT) is None
     store.verify()
 
 
-def test_those_of_another_grid_are_not_taken(store, marks, tmp_path):
-    save_marks(tmp_path / "marks", store, SHAPE, marks)
-    assert not load_marks(tmp_path / "marks", store, (5, 4, 3), np.empty(60, np.uint8))
+@pytest.mark.parametrize("layout", [Layout((20, 5, 13), 2), Layout((13, 5, 20), 0)])
+def test_those_of_another_grid_are_not_taken(store, tmp_path, layout):
+    save(tmp_path / "marks", store)
+    assert open_marks(tmp_path / "marks", store, layout) is None
 
 
-def test_those_of_another_store_are_not_taken(store, marks, tmp_path):
+def test_those_of_another_store_are_not_taken(store, tmp_path):
     writer = SceneWriter(tmp_path / "b.bfrt")
     writer.spheres(np.ones((2, 3), np.float32), 1.0)
     other = writer.close()
-    save_marks(tmp_path / "marks", store, SHAPE, marks)
-    assert not load_marks(tmp_path / "marks", other, SHAPE, np.empty(60, np.uint8))
+    save(tmp_path / "marks", store)
+    assert open_marks(tmp_path / "marks", other, LAYOUT) is None
 
 
-def test_new_marks_replace_old_ones(store, marks, tmp_path):
+def test_new_marks_replace_old_ones(store, tmp_path):
     path = tmp_path / "marks"
-    save_marks(path, store, (60, 1, 1), marks[::-1].copy())
-    save_marks(path, store, SHAPE, marks)
-    into = np.empty(60, np.uint8)
-    assert load_marks(path, store, SHAPE, into)
-    np.testing.assert_array_equal(into, marks)
+    save(path, store, Layout((60, 1, 1), 0))
+    save(path, store, seed=2)
+    np.testing.assert_array_equal(read(path, store)[1], expected(seed=2)[1])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bfrt", "marks"]
 
 
-@pytest.mark.parametrize("size", [0, 10, HEADER.size - 1, HEADER.size, HEADER.size + 59])
-def test_a_truncated_file(store, marks, tmp_path, size):
+def test_marks_that_are_not_finished_leave_the_old_ones(store, tmp_path):
+    path = tmp_path / "marks"
+    save(path, store)
+    with pytest.raises(KeyError), writing_marks(path, store, LAYOUT):
+        raise KeyError
+    np.testing.assert_array_equal(read(path, store)[1], expected()[1])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bfrt", "marks"]
+
+
+@pytest.mark.parametrize("size", [0, 10, HEADER.size - 1, HEADER.size, HEADER.size + 9, SIZE - 1])
+def test_a_truncated_file(store, size):
     path = store.path / "0" / "marks"
-    save_marks(path, store, SHAPE, marks)
+    save(path, store)
     os.truncate(path, size)
     with pytest.raises(StoreError, match="marks are damaged") as caught:
-        load_marks(path, store, SHAPE, np.empty(60, np.uint8))
+        read(path, store)
     assert str(caught.value).startswith(f"{path}: ")
     with pytest.raises(StoreError):
         store.verify()
 
 
-def test_more_than_was_written(store, marks):
+def test_a_file_that_shrinks_while_it_is_open(store):
     path = store.path / "0" / "marks"
-    save_marks(path, store, SHAPE, marks)
+    save(path, store)
+    marks = open_marks(path, store, LAYOUT)
+    os.truncate(path, SIZE - 1)
+    bricks = np.empty((int(np.diff(marks.first)[-1]), BRICK_BYTES), np.uint8)
+    with pytest.raises(StoreError, match="marks are damaged"):
+        marks.read(2, bricks)
+    marks.close()
+
+
+def test_more_than_was_written(store):
+    path = store.path / "0" / "marks"
+    save(path, store)
     with path.open("ab") as file:
         file.write(b"x")
     with pytest.raises(StoreError, match="damaged"):
-        load_marks(path, store, SHAPE, np.empty(60, np.uint8))
+        read(path, store)
     with pytest.raises(StoreError, match="damaged"):
         store.verify()
 
 
-def test_a_flipped_bit_is_never_taken(store, marks):
+def test_a_flipped_bit_is_never_taken(store):
     path = store.path / "0" / "marks"
-    save_marks(path, store, SHAPE, marks)
+    save(path, store)
     whole = path.read_bytes()
-    for at in range(len(whole)):
+    for at in (*range(HEADER.size + 30), *range(HEADER.size + 30, len(whole), 37)):
         broken = bytearray(whole)
         broken[at] ^= 1 << at % 8
         path.write_bytes(broken)
         with contextlib.suppress(StoreError):
-            assert not load_marks(path, store, SHAPE, np.empty(60, np.uint8))
+            assert read(path, store) is None
         with pytest.raises(StoreError):
             store.verify()
 
@@ -107,7 +178,7 @@ def test_a_flipped_bit_is_never_taken(store, marks):
 def test_a_folder_in_their_place(store):
     (store.path / "0" / "marks").mkdir()
     with pytest.raises(StreamError, match="marks: reading"):
-        load_marks(store.path / "0" / "marks", store, SHAPE, np.empty(60, np.uint8))
+        open_marks(store.path / "0" / "marks", store, LAYOUT)
     with pytest.raises(StreamError, match="marks: reading"):
         store.verify()
 
@@ -121,6 +192,6 @@ def test_a_read_only_store_has_its_marks_in_scratch(store, tmp_path, monkeypatch
 def test_an_empty_store_has_a_place_for_marks(tmp_path):
     store = SceneWriter(tmp_path / "empty.bfrt").close()
     path = marks_path(store, store.groups[0], tmp_path)
-    save_marks(path, store, (1, 1, 1), np.zeros(1, np.uint8))
+    save(path, store, Layout((1, 1, 1), 2))
     assert path.parent.parent == store.path
     store.verify()

@@ -17,7 +17,7 @@ import bfrt
 from bfrt.errors import StoreError, StreamError
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.scene.header import header_text
-from bfrt.scene.marks import marks_path, save_marks
+from bfrt.scene.marks import Layout, marks_path, writing_marks
 from bfrt.scene.model import Camera, Light, Material
 from bfrt.scene.store import has_magic, object_id
 from bfrt.scene.writer import SceneWriter
@@ -45,7 +45,8 @@ def make(path):
         writer.triangles([HUGE], 1)
     store = bfrt.open(path)
     path = marks_path(store, store.groups[0], path.parent)
-    save_marks(path, store, (2, 3, 4), np.arange(24, dtype=np.uint8))
+    with writing_marks(path, store, Layout((2, 3, 4), 2)) as writer:
+        writer.add(np.full((1, 512), 63, np.uint8), np.ones((1, 1), np.uint8))
 
 
 @pytest.fixture(scope="module")
