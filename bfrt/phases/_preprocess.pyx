@@ -3,11 +3,36 @@
 from libc.stdint cimport int64_t, uint8_t
 
 from bfrt.geometry.box cimport box_empty
-from bfrt.geometry.grid cimport HIGH, LOW, Grid, Range, box_range
+from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, box_range, entered_by
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.subspace cimport Subspace
 from bfrt.scene.sweep cimport Sweep, advance_block, advance_to
 from bfrt.streams.atomic cimport atomic_or
+
+
+cdef enum:
+    FACES = (1 << START) - 1
+    SMALL = 4  # voxels a side of a range that is marked voxel by voxel
+
+
+cdef void mark_small(Subspace s, const Range* r, uint8_t* marks) noexcept nogil:
+    """Mark a range of few voxels: each of them once, by all faces that begin there."""
+    cdef int lo[3]
+    cdef int hi[3]
+    cdef int k, x, y, z
+    cdef int64_t row
+    cdef uint8_t faces
+    for k in range(3):
+        lo[k] = max(r.lo[k], s.range.lo[k])
+        hi[k] = min(r.hi[k], s.range.hi[k])
+    for z in range(lo[2], hi[2] + 1):
+        for y in range(lo[1], hi[1] + 1):
+            row = ((y - s.range.lo[1]) * s.stride[1] + (z - s.range.lo[2]) * s.stride[2]
+                   - s.range.lo[0] * s.stride[0])
+            for x in range(lo[0], hi[0] + 1):
+                faces = <uint8_t>entered_by(r, x, y, z) & FACES
+                if faces:
+                    atomic_or(&marks[row + x * s.stride[0]], faces)
 
 
 cdef void mark_face(const Grid* g, Subspace s, Range r, int axis, bint high,
@@ -35,6 +60,22 @@ cdef void mark_face(const Grid* g, Subspace s, Range r, int axis, bint high,
                 atomic_or(&marks[row + i], bit)
 
 
+cdef inline bint small(const Range* r) noexcept nogil:
+    return (r.hi[0] - r.lo[0] < SMALL and r.hi[1] - r.lo[1] < SMALL
+            and r.hi[2] - r.lo[2] < SMALL)
+
+
+cdef void mark_range(const Grid* g, Subspace s, const Range* r, uint8_t* marks) noexcept nogil:
+    """Mark where rays enter a range, as far as that is in the subspace."""
+    cdef int axis
+    if small(r):
+        mark_small(s, r, marks)
+        return
+    for axis in range(3):
+        mark_face(g, s, r[0], axis, False, marks)
+        mark_face(g, s, r[0], axis, True, marks)
+
+
 def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace subspace,
          uint8_t[:, :, ::1] marks):
     """Mark where the regions of objects of a sweep begin, as far as that is in the subspace.
@@ -46,7 +87,7 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace su
     marks : (layers, rows, row) uint8
         IN, OUT. The subspace's voxels. Threads may share it.
     """
-    cdef int axis, i, block
+    cdef int i, block
     cdef int64_t k
     cdef Range r
     with nogil:
@@ -58,6 +99,4 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace su
                     if box_empty(&sweep.box[i]):
                         continue
                     box_range(&lattice.grid, &sweep.box[i], &r)
-                    for axis in range(3):
-                        mark_face(&lattice.grid, subspace, r, axis, False, &marks[0, 0, 0])
-                        mark_face(&lattice.grid, subspace, r, axis, True, &marks[0, 0, 0])
+                    mark_range(&lattice.grid, subspace, &r, &marks[0, 0, 0])

@@ -288,6 +288,8 @@ def walk(Ray[::1] rays, uint32_t[::1] order, int64_t first, int64_t last, Lattic
         for i in range(first, last):
             ray = order[i]
             r = &rays[ray]
+            if r.voxel == NOWHERE:
+                continue
             if slab_of(g, r, s.slab_of) == slab:
                 line = ray_line(r)
                 walk_resume(&w, g, &line, r.voxel, r.face)

@@ -74,7 +74,7 @@ class Flight:
         self._workers = workers
         self._rays = np.empty(capacity, RAY)
         self._paths = np.empty(capacity, PATH)
-        self._order = np.empty(capacity, np.uint32)
+        self._order = np.arange(capacity, dtype=np.uint32)  # which one slab leaves as it is
         self._left = np.empty(capacity, np.uint32)
         self._starts = np.empty(2 * slabs.count + 1, np.int64)
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
@@ -143,7 +143,10 @@ class Flight:
     def _walk(self, base: int, quota: int, counters: Counters) -> int:
         """Walk rays, from `base` on, to their sentinels; returns the candidates found."""
         slabs, starts, order = self._slabs, self._starts, self._order
-        arrange(self.rays, base, self.lattice, slabs.slab_of, starts, order)
+        if slabs.count == 1:
+            starts[:] = base, self.active, self.active
+        else:
+            arrange(self.rays, base, self.lattice, slabs.slab_of, starts, order)
         self._left[base : self.active] = quota
         used = np.zeros(1, np.int64)
         carried = nearest = 0

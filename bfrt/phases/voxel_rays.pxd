@@ -64,6 +64,7 @@ cdef class VoxelRays:
     cdef void raise_levels(self) noexcept
     cdef void raise_brick(self, int x, int y, int z) noexcept nogil
     cdef void give_blocks(self) noexcept
+    cdef void visit(self, int64_t* histogram, int64_t least, int64_t left) noexcept nogil
     cdef void give(self, uint32_t upper) noexcept nogil
     cdef void fill_blocks(self, int64_t first, int64_t last) noexcept
     cdef void fill(self, int64_t block) noexcept nogil

@@ -230,27 +230,47 @@ cdef class VoxelRays:
     cdef void give_blocks(self) noexcept:
         """Give the blocks away: to the upper voxels with the most rays, if they have a crowd."""
         cdef int64_t histogram[LONGEST + 1]
-        cdef int64_t upper, rays, left = self.blocks
+        cdef int64_t left = self.blocks
         cdef int least = LONGEST
         with nogil:
             self.given = 0
             self.places[:] = 0
             memset(&histogram[0], 0, sizeof(histogram))
-            for upper in range(self.uppers):
-                rays = self.start[upper + 1] - self.start[upper]
-                if rays >= CROWD:
-                    histogram[min(rays, LONGEST)] += 1
+            self.visit(&histogram[0], 0, 0)
             while least > CROWD and histogram[least] <= left:
                 left -= histogram[least]
                 least -= 1
-            left = min(left, histogram[least])  # of those with the least rays, the first
-            for upper in range(self.uppers):
-                rays = min(self.start[upper + 1] - self.start[upper], LONGEST)
-                if rays > least:
-                    self.give(<uint32_t>upper)
-                elif rays == least and left > 0:
-                    self.give(<uint32_t>upper)
-                    left -= 1
+            # Of those with the least rays that still get one, the first do.
+            self.visit(NULL, least, left)
+
+    cdef void visit(self, int64_t* histogram, int64_t least, int64_t left) noexcept nogil:
+        """Go over the upper voxels that hold rays: count those of each number of rays, or give
+        blocks to those with more rays than `least`, and to the first `left` that have as many."""
+        cdef int x, y, z, bit
+        cdef int64_t upper, rays, at = 0
+        cdef uint64_t word
+        for z in range(self.level_size[1][2]):
+            for y in range(self.level_size[1][1]):
+                for x in range(self.level_size[1][0]):
+                    word = self.bricks[at]
+                    at += 1
+                    while word:
+                        bit = lowest_bit(word)
+                        word &= word - 1
+                        upper = upper_at(
+                            self, x << BRICK_BITS | (bit & 3), y << BRICK_BITS | (bit >> 2 & 3),
+                            z << BRICK_BITS | bit >> 4,
+                        )
+                        rays = min(self.start[upper + 1] - self.start[upper], LONGEST)
+                        if rays < CROWD:
+                            continue
+                        if histogram != NULL:
+                            histogram[rays] += 1
+                        elif rays > least:
+                            self.give(<uint32_t>upper)
+                        elif rays == least and left > 0:
+                            self.give(<uint32_t>upper)
+                            left -= 1
 
     cdef void give(self, uint32_t upper) noexcept nogil:
         """Give the next block to an upper voxel."""
