@@ -233,6 +233,8 @@ def capacities(
     left -= max(grid_bytes(cut, limits, blocks) for cut in cuts)
     rays = min(int(left * FLYING_PART / FLYING_BYTES), 1 << RAY_BITS)
     others = (left - rays * FLYING_BYTES) // 2
+    # Between groups all rays wait, in one of two spools.
+    hit = SHADED_HIT_BYTES + HIT_BYTES + (2 * HIT_BYTES if len(store.groups) > 1 else 0)
     return Capacities(
         memory=memory,
         limits=limits,
@@ -240,7 +242,7 @@ def capacities(
         subspace=subspace,
         rays=rays,
         candidates=CANDIDATES_A_RAY * rays,
-        hits=min(others // (SHADED_HIT_BYTES + HIT_BYTES), 1 << RAY_BITS),
+        hits=min(others // hit, 1 << RAY_BITS),
         queue=others // (2 * QUEUED_BYTES),
         read_buffer=READ_BUFFER,
         threads=threads,

@@ -4,11 +4,13 @@
 
     preprocess                        mark the voxels where boxes begin
     for each depth:
-        while there are rays, in memory or waiting:
-            admit                     rays enter, to fill memory, and walk to their first candidate
-            collect                   each walks on to its candidates of this pass, and its sentinel
-            intersect                 all objects stream past the rays stored in their voxels
-            settle                    complete rays leave: to the hits, or with light to the film
+        for each group:
+            while there are rays, in memory or waiting:
+                admit                 rays enter, to fill memory, and walk to their first candidate
+                collect               each walks on to its candidates of this pass, and its sentinel
+                intersect             all objects stream past the rays stored in their voxels
+                settle                complete rays leave: to the next group, after the last to
+                                      the hits, or with light to the film
         shade                         hits in object order; reflection, refraction, shadow rays
 
 One depth's rays of all kinds are traced together. The last depth's hits send shadow rays only,
@@ -17,6 +19,7 @@ which one more iteration traces.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -27,18 +30,11 @@ from bfrt.budget import Capacities
 from bfrt.errors import Cancelled
 from bfrt.image.film import Film
 from bfrt.phases.eye import EyeRays, view_vectors
-from bfrt.phases.intersection import intersect_all
-from bfrt.phases.outliers import Outliers
-from bfrt.phases.partition import partition_of
-from bfrt.phases.preprocess import lattice_of, preprocess
-from bfrt.phases.selection import Selections
+from bfrt.phases.field import Field
 from bfrt.phases.shading import Shading
-from bfrt.phases.slabs import Slabs
-from bfrt.phases.traversal import Flight, Queue
-from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.phases.traversal import Ends, Flight, Queue
 from bfrt.records import HIT, QUEUED
 from bfrt.scene.model import Camera
-from bfrt.scene.objects import Objects
 from bfrt.scene.store import Store
 from bfrt.stats import Counters, Stats
 from bfrt.streams.spool import Spool
@@ -60,7 +56,8 @@ Report = Callable[[Progress], object]
 class Tracer:
     """Finds the nearest hits of queues of rays: preprocess, traversal and intersection.
 
-    All memory of these phases is taken here.
+    All memory of these phases is taken here, but for the grid of one group where there are
+    several: rays go through one after another, each of which takes the place of the one before.
     """
 
     def __init__(
@@ -75,49 +72,35 @@ class Tracer:
         scratch: Path,
         counters: Counters,
     ) -> None:
-        (group,) = store.groups
-        lazy = refine != "base"
-        self.objects = Objects(store, group, workers, capacities.read_buffer, lazy)
-        self._selections = Selections(group.streams) if refine == "sgb" else None
         self._film = film
-        self._swept = sum(stream.count for stream in group.streams)
         self._background = np.array(store.background, np.float64)
-        cut = partition_of(group, capacities.limits)
-        lattice = lattice_of(store, group, cut.shape, cut.axis)
+        self._fields = [
+            Field(store, group, workers, capacities, refine, scratch) for group in store.groups
+        ]
         with counters.phases.preprocess.timed():
-            marks, self.marks_reused = preprocess(
-                store,
-                self.objects,
-                self._selections,
-                lattice,
-                cut,
-                capacities.subspace,
-                fresh=fresh_marks,
-                scratch=scratch,
-                counters=counters,
-            )
-        self.grid = {
-            "voxels": list(cut.shape),
-            "lower": 1 << cut.lower_bits,
-            "bricks": int(marks.first[-1]),
-        }
-        self._slabs = Slabs(lattice, marks, capacities.limits.slab, workers)
-        self.grid["slabs"] = self._slabs.count
-        self._voxel_rays = VoxelRays(
-            cut.shape, capacities.candidates, cut.lower_bits, capacities.blocks
-        )
-        self._flight = Flight(
-            capacities.rays, self._slabs, self._voxel_rays, Outliers(store, group), workers
-        )
+            for field in self._fields:
+                field.preprocess(fresh_marks, counters)
+        self._flight = Flight(capacities.rays, workers)
+        self._entered: Field | None = None
+        several = len(self._fields) > 1
+        room = capacities.hits if several else 0
+        self._between = [Spool(HIT, room, scratch) for _ in range(2)]
 
-    def close(self) -> None:
-        """Close the marks."""
-        self._slabs.close()
+    @property
+    def fields(self) -> list[Field]:
+        """The groups, each with its grid."""
+        return self._fields
 
     @property
     def bad(self) -> int:
         """Rays that were NaN or had no direction."""
         return self._flight.bad
+
+    def close(self) -> None:
+        """Close the marks, and give back what is on disk."""
+        self._leave()
+        for spool in self._between:
+            spool.close()
 
     def trace(
         self, queue: Queue, hits: Spool, counters: Counters, tell: Callable[[int], None]
@@ -126,23 +109,55 @@ class Tracer:
 
         Intersections go to `hits`. What shadow rays bring, and the background, go to the film.
         """
-        flight, film, background = self._flight, self._film, self._background
-        phases = counters.phases
         done = 0
+        last = self._fields[-1]
+        for field, between in zip(self._fields, itertools.cycle(self._between), strict=False):
+            out = hits if field is last else between
+            ends = Ends(out, self._film, self._background, field is last)
+            done = self._trace_group(field, queue, ends, counters, tell, done)
+            for spool in self._between:
+                counters.phases.traversal.spooled(spool)
+                if spool is queue:
+                    spool.clear()
+            queue = out
+        tell(done)
+
+    def _trace_group(
+        self,
+        field: Field,
+        queue: Queue,
+        ends: Ends,
+        counters: Counters,
+        tell: Callable[[int], None],
+        done: int,
+    ) -> int:
+        """Take a queue through one group; returns the rays that are finished, `done` before."""
+        flight, phases = self._flight, counters.phases
+        if len(queue):
+            self._enter(field)
         while len(queue) or flight.active:
             tell(done)
             with phases.traversal.timed():
-                done += flight.admit(queue, film, background, hits, counters)
+                done += flight.admit(queue, ends, counters)
                 if flight.active:
-                    flight.collect(self._swept, counters)
+                    flight.collect(field.swept, counters)
             if flight.active:
                 with phases.intersection.timed():
-                    self._swept = intersect_all(
-                        self.objects, self._selections, flight, self._voxel_rays, counters
-                    )
+                    field.intersect(flight, counters)
                 with phases.traversal.timed():
-                    done += flight.settle(film, background, hits, counters)
-        tell(done)
+                    done += flight.settle(ends, counters)
+        return done
+
+    def _enter(self, field: Field) -> None:
+        if self._entered is not field:
+            self._leave()
+            self._flight.enter(field.open())
+            self._entered = field
+
+    def _leave(self) -> None:
+        if self._entered is not None:
+            self._entered.close()
+            self._entered = None
 
 
 def render_film(
@@ -187,8 +202,8 @@ def render_film(
             scratch=scratch,
             counters=stats.total,
         )
-        stats.marks_reused = tracer.marks_reused
-        stats.grids.append(tracer.grid)
+        stats.marks_reused = all(field.marks_reused for field in tracer.fields)
+        stats.grids.extend(field.facts for field in tracer.fields)
         eye = view_vectors(camera, store.origin)[0]
         shading = Shading(store, film, eye, capacities)
         rays = EyeRays(store, camera, samples)
@@ -225,7 +240,8 @@ def _depths(
             tracer.trace(queue, hits, counters, _teller(report, depth, len(queue)))
             with counters.phases.shading.timed():
                 following.clear()
-                shading.shade(tracer.objects, hits, following, depth >= last_depth, counters)
+                objects = [field.objects for field in tracer.fields]
+                shading.shade(objects, hits, following, depth >= last_depth, counters)
             for spool in spools:
                 counters.phases.shading.spooled(spool)
         hits.clear()

@@ -18,6 +18,16 @@ def admit(
     lattice: Lattice,
     outliers: Outliers,
 ) -> tuple[int, int, int]: ...
+def admit_again(
+    partial: NDArray[Any],
+    rays: NDArray[Any],
+    paths: NDArray[Any],
+    base: int,
+    first: int,
+    last: int,
+    lattice: Lattice,
+    outliers: Outliers,
+) -> tuple[int, int, int]: ...
 def arrange(
     rays: NDArray[Any],
     first: int,
@@ -55,6 +65,14 @@ def settle(
     background: NDArray[np.float64],
     hits: NDArray[Any],
 ) -> tuple[int, int, int]: ...
+def pass_on(
+    rays: NDArray[Any],
+    paths: NDArray[Any],
+    first: int,
+    last: int,
+    lattice: Lattice,
+    partial: NDArray[Any],
+) -> tuple[int, int]: ...
 def close_ranks(
     rays: NDArray[Any],
     paths: NDArray[Any],

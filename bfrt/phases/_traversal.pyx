@@ -89,19 +89,25 @@ cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
     return walk_leave(w, CUBE_SHIFT if brick == EMPTY_CUBE else BRICK_SHIFT)
 
 
-cdef void enter(const Queued* q, Ray* r, Path* p) noexcept nogil:
-    """Make a ray of a queued one."""
-    r.ox, r.oy, r.oz = q.ox, q.oy, q.oz
-    r.dx, r.dy, r.dz = q.dx, q.dy, q.dz
-    r.t = LIGHT if q.kind == SHADOW else INFINITY
-    r.id = NO_HIT
+cdef inline void begin(Ray* r, double t, uint64_t id, uint32_t kind) noexcept nogil:
+    """A ray that has not yet met the grid."""
+    r.t, r.id = t, id
     r.voxel = NOWHERE
-    r.kind = <uint8_t>q.kind
+    r.kind = <uint8_t>kind
     r.face = 0
     r.lock = 0
     r.state = UNSEEN
-    p.pixel, p.sample, p.kind = q.pixel, q.sample, q.kind
-    p.red, p.green, p.blue = q.red, q.green, q.blue
+
+
+cdef inline void come_in(Ray* r, Lattice lattice, Outliers outliers, int64_t* box_tests,
+                         int64_t* object_tests) noexcept nogil:
+    """Test a ray against the outliers, and bring it to where it first meets the grid."""
+    cdef Line line = ray_line(r)
+    cdef Walk w
+    meet_outliers(outliers, r, &line, lattice.grow, box_tests, object_tests)
+    if walk_start(&w, &lattice.grid, &line) and w.enter <= r.t:
+        r.voxel = w.voxel
+        r.face = <uint8_t>w.face
 
 
 def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base,
@@ -123,22 +129,50 @@ def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base
         Counts; bad rays are NaN, infinite or without direction.
     """
     cdef int64_t i, box_tests = 0, object_tests = 0, bad = 0
+    cdef const Queued* q
     cdef Ray* r
-    cdef Line line
-    cdef Walk w
+    cdef Path* p
     with nogil:
         for i in range(first, last):
-            r = &rays[base + i]
-            enter(&queued[i], r, &paths[base + i])
+            q, r, p = &queued[i], &rays[base + i], &paths[base + i]
+            r.ox, r.oy, r.oz = q.ox, q.oy, q.oz
+            r.dx, r.dy, r.dz = q.dx, q.dy, q.dz
+            p.pixel, p.sample, p.kind = q.pixel, q.sample, q.kind
+            p.red, p.green, p.blue = q.red, q.green, q.blue
+            begin(r, LIGHT if q.kind == SHADOW else INFINITY, NO_HIT, q.kind)
             if ray_bad(r):
                 bad += 1
-                continue
-            line = ray_line(r)
-            meet_outliers(outliers, r, &line, lattice.grow, &box_tests, &object_tests)
-            if walk_start(&w, &lattice.grid, &line) and w.enter <= r.t:
-                r.voxel = w.voxel
-                r.face = <uint8_t>w.face
+            else:
+                come_in(r, lattice, outliers, &box_tests, &object_tests)
     return box_tests, object_tests, bad
+
+
+def admit_again(const Hit[::1] partial, Ray[::1] rays, Path[::1] paths, int64_t base,
+                int64_t first, int64_t last, Lattice lattice, Outliers outliers):
+    """Bring rays that have been through other groups to where they first meet this one's grid.
+
+    Parameters
+    ----------
+    partial : (n,) records.HIT
+        IN. Rays, with the nearest hit so far: t is where a ray ends where it has none.
+    rays, paths, base, first, last
+        As for `admit`, and what is returned.
+    """
+    cdef int64_t i, box_tests = 0, object_tests = 0
+    cdef const Hit* h
+    cdef Ray* r
+    cdef Path* p
+    with nogil:
+        for i in range(first, last):
+            h, r, p = &partial[i], &rays[base + i], &paths[base + i]
+            r.ox, r.oy, r.oz = h.ox, h.oy, h.oz
+            r.dx, r.dy, r.dz = h.dx, h.dy, h.dz
+            p.pixel, p.sample, p.kind = h.pixel, h.sample, h.kind
+            p.red, p.green, p.blue = h.red, h.green, h.blue
+            begin(r, h.t, h.id, h.kind)
+            if not ray_bad(r):  # which has been counted
+                come_in(r, lattice, outliers, &box_tests, &object_tests)
+    return box_tests, object_tests, 0
 
 
 cdef inline int slab_of(const Grid* g, const Ray* r, const int32_t* slabs) noexcept nogil:
@@ -379,6 +413,36 @@ def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice 
                 n += 1
                 eye_hits += r.kind == EYE
     return kept - first, n, eye_hits
+
+
+def pass_on(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice lattice,
+            Hit[::1] partial):
+    """`settle` for a group that is not the last: complete rays go on to the next one.
+
+    Parameters
+    ----------
+    partial : (last - first or more,) records.HIT
+        OUT: rays, with the nearest hit so far. Shadow rays that have met something end here.
+
+    Returns
+    -------
+    kept, n : int
+        Rays that stay; rays that go on.
+    """
+    cdef int64_t i, kept = first, n = 0
+    cdef Ray* r
+    with nogil:
+        for i in range(first, last):
+            r = &rays[i]
+            if not complete(r, lattice):
+                if kept != i:
+                    rays[kept] = r[0]
+                    paths[kept] = paths[i]
+                kept += 1
+            elif r.kind != SHADOW or r.id == NO_HIT:
+                finish_hit(r, &paths[i], &partial[n])
+                n += 1
+    return kept - first, n
 
 
 def close_ranks(Ray[::1] rays, Path[::1] paths, int64_t base, const int64_t[::1] firsts,

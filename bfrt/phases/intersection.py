@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from bfrt.phases._intersection import intersect
 from bfrt.phases.selection import Selections, sweep_all, sweep_near
 from bfrt.phases.traversal import Flight
-from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.scene.objects import Objects
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Counters
@@ -23,7 +22,6 @@ def intersect_all(
     objects: Objects,
     selections: Selections | None,
     flight: Flight,
-    voxel_rays: VoxelRays,
     counters: Counters,
 ) -> int:
     """Update the nearest hit of every ray that is stored in a voxel.
@@ -38,7 +36,7 @@ def intersect_all(
     int
         Objects swept.
     """
-    rays = flight.rays
+    rays, voxel_rays = flight.rays, flight.voxel_rays
     tallies: list[tuple[int, int]] = []
     phase = counters.phases.intersection
 

@@ -64,13 +64,18 @@ class Shading:
         self._out = np.empty((capacities.threads, emit_room(len(store.lights))), QUEUED)
 
     def shade(
-        self, objects: Objects, hits: Spool, queue: Spool, last: bool, counters: Counters
+        self,
+        groups: list[Objects],
+        hits: Spool,
+        queue: Spool,
+        last: bool,
+        counters: Counters,
     ) -> None:
-        """Shade all hits; the rays of the next depth go to `queue`."""
+        """Shade all hits, on objects of all groups; the next depth's rays go to `queue`."""
         while len(hits):
             chunk = self._gather(hits)
             chunk = plain(chunk)[np.argsort(chunk["id"])].view(HIT)
-            self._sweep(objects, chunk, queue.append, last, counters)
+            self._sweep(groups, chunk, queue.append, last, counters)
 
     def _gather(self, hits: Spool) -> NDArray[Any]:
         """Hits that fill memory."""
@@ -83,7 +88,7 @@ class Shading:
 
     def _sweep(
         self,
-        objects: Objects,
+        groups: list[Objects],
         hits: NDArray[Any],
         emit: Callable[[NDArray[Any]], None],
         last_depth: bool,
@@ -101,12 +106,13 @@ class Shading:
             a, b = np.searchsorted(ids, np.array([stream + first, stream + last], np.uint64))
             shaders[worker].shade(sweep, last - first, hits[a:b], last_depth)
 
-        if objects.lazy:
-            self._pick(objects, hits, ids, shaders, last_depth)
-            counters.sweep(0, objects)
-        else:
-            counters.sweep(objects.each(loop), objects)
-        counters.phases.shading.swept(objects)
+        for objects in groups:
+            if objects.lazy:
+                self._pick(objects, hits, ids, shaders, last_depth)
+                counters.sweep(0, objects)
+            else:
+                counters.sweep(objects.each(loop), objects)
+            counters.phases.shading.swept(objects)
         for shader in shaders:
             shader.flush()
             counters.rays.reflection += shader.reflection

@@ -76,7 +76,7 @@ class Slabs:
         self.lattice = lattice
         self.table = table_of(marks.occupied)
         self.bytes_read = 0
-        self._cuts = cuts_of(np.diff(marks.first), room // BRICK_BYTES)
+        self._cuts = self.cuts(marks, room)
         self.count = len(self._cuts) - 1
         self.slab_of = np.repeat(np.arange(self.count, dtype=np.int32), np.diff(self._cuts))
         self._marks = marks
@@ -84,6 +84,11 @@ class Slabs:
         most = int(np.diff(marks.first[self._cuts]).max())
         self._bricks = np.empty((max(1, most), BRICK_BYTES), np.uint8)
         self._resident = -1
+
+    @staticmethod
+    def cuts(marks: Marks, room: int) -> list[int]:
+        """The layers of bricks at which slabs of `room` bytes begin, and how many there are."""
+        return cuts_of(np.diff(marks.first), room // BRICK_BYTES)
 
     def load(self, slab: int) -> tuple[NDArray[np.uint8], int]:
         """The bricks of a slab, (n, 512), and the number of the first.

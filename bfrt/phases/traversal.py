@@ -8,13 +8,22 @@ that descend from the last to the first, so that each slab is read twice at the 
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.image.film import Film
-from bfrt.phases._traversal import admit, arrange, close_ranks, close_up, settle, walk
+from bfrt.phases._traversal import (
+    admit,
+    admit_again,
+    arrange,
+    close_ranks,
+    close_up,
+    pass_on,
+    settle,
+    walk,
+)
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
@@ -47,8 +56,36 @@ class Queue(Protocol):
     def read(self, most: int) -> NDArray[Any]: ...
 
 
+class Ground(NamedTuple):
+    """What rays go through: one group's grid."""
+
+    slabs: Slabs
+    voxel_rays: VoxelRays
+    outliers: Outliers
+
+
+class Ends(NamedTuple):
+    """Where rays go that are complete.
+
+    Attributes
+    ----------
+    hits : Spool
+        Intersections, for the shading; before the last group all rays, for the next one.
+    film : Film
+        The light of shadow rays that met nothing, and the background of others.
+    background : ndarray of float64, shape (3,)
+    last : bool
+        Whether this is the last group.
+    """
+
+    hits: Spool
+    film: Film
+    background: NDArray[np.float64]
+    last: bool
+
+
 class Flight:
-    """Rays in flight: what is in memory, of one group.
+    """Rays in flight: what is in memory.
 
     Parameters
     ----------
@@ -56,42 +93,30 @@ class Flight:
         Rays at the most. All memory is taken here.
     """
 
-    def __init__(
-        self,
-        capacity: int,
-        slabs: Slabs,
-        voxel_rays: VoxelRays,
-        outliers: Outliers,
-        workers: Workers,
-    ) -> None:
-        self.lattice = slabs.lattice
+    def __init__(self, capacity: int, workers: Workers) -> None:
         self.active = 0
         self.bad = 0
         self._quota = FIRST_QUOTA
-        self._slabs = slabs
-        self._voxel_rays = voxel_rays
-        self._outliers = outliers
         self._workers = workers
         self._rays = np.empty(capacity, RAY)
         self._paths = np.empty(capacity, PATH)
         self._order = np.arange(capacity, dtype=np.uint32)  # which one slab leaves as it is
         self._left = np.empty(capacity, np.uint32)
-        self._starts = np.empty(2 * slabs.count + 1, np.int64)
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
+
+    def enter(self, ground: Ground) -> None:
+        """Come into a group's grid, with no ray yet."""
+        self.lattice = ground.slabs.lattice
+        self._slabs, self.voxel_rays, self._outliers = ground
+        self._starts = np.empty(2 * ground.slabs.count + 1, np.int64)
+        self._order[:] = np.arange(len(self._order), dtype=np.uint32)
 
     @property
     def rays(self) -> NDArray[Any]:
         """The active rays, records.RAY."""
         return self._rays[: self.active]
 
-    def admit(
-        self,
-        queue: Queue,
-        film: Film,
-        background: NDArray[np.float64],
-        hits: Spool,
-        counters: Counters,
-    ) -> int:
+    def admit(self, queue: Queue, ends: Ends, counters: Counters) -> int:
         """Fill memory from the queue; rays without a candidate are finished, and counted here."""
         finished = 0
         if len(queue):
@@ -103,7 +128,7 @@ class Flight:
             while several and len(queue) and self.active < len(self._rays):
                 self._enter(queue, counters)
             self._walk(base, 0, counters)
-            finished += self.settle(film, background, hits, counters, base)
+            finished += self.settle(ends, counters, base)
             if several and self.active > FULL * len(self._rays):
                 break
         return finished
@@ -112,13 +137,12 @@ class Flight:
         """Take rays from the queue, to where they first meet the grid."""
         base = self.active
         rays = queue.read(min(ADMITTED, len(self._rays) - base))
+        come = admit_again if rays.dtype == HIT else admit
         tallies: list[tuple[int, int, int]] = []
 
         def chunk(_: int, first: int, last: int) -> None:
             tallies.append(
-                admit(
-                    rays, self._rays, self._paths, base, first, last, self.lattice, self._outliers
-                )
+                come(rays, self._rays, self._paths, base, first, last, self.lattice, self._outliers)
             )
 
         self._workers.run(chunk, len(rays), smallest=FEWEST)
@@ -136,9 +160,9 @@ class Flight:
         passes grow like a logarithm.
         """
         worth = max(self._quota, objects // (SWEPT_EACH * self.active))
-        quota = max(1, min(worth, len(self._voxel_rays.slots) // self.active))
+        quota = max(1, min(worth, len(self.voxel_rays.slots) // self.active))
         self._quota *= 2
-        self._voxel_rays.sort(self._walk(0, quota, counters), self._workers)
+        self.voxel_rays.sort(self._walk(0, quota, counters), self._workers)
 
     def _walk(self, base: int, quota: int, counters: Counters) -> int:
         """Walk rays, from `base` on, to their sentinels; returns the candidates found."""
@@ -183,8 +207,8 @@ class Flight:
                 slabs.table,
                 slabs.slab_of,
                 self._left,
-                self._voxel_rays,
-                self._voxel_rays.slots,
+                self.voxel_rays,
+                self.voxel_rays.slots,
                 used,
             )
             parts.append((begin + first, leaving))
@@ -196,32 +220,32 @@ class Flight:
         carried = end - close_up(self._order, firsts, counts, end)
         return carried, min(nearest for nearest, _ in tallies)
 
-    def settle(
-        self,
-        film: Film,
-        background: NDArray[np.float64],
-        hits: Spool,
-        counters: Counters,
-        base: int = 0,
-    ) -> int:
-        """Let complete rays go, from `base` on: intersections to `hits`, light to the film."""
+    def settle(self, ends: Ends, counters: Counters, base: int = 0) -> int:
+        """Let complete rays go, from `base` on; returns how many of them are finished."""
         before = self.active
+        passed = 0
         parts: list[tuple[int, int]] = []
 
         def chunk(worker: int, first: int, last: int) -> None:
             found = self._hits[worker]
             first, last = base + first, base + last
-            kept, n, eye_hits = settle(
-                self._rays, self._paths, first, last, self.lattice, film, background, found
-            )
-            hits.append(found[:n])
+            part = (self._rays, self._paths, first, last, self.lattice)
+            if ends.last:
+                kept, n, eye_hits = settle(*part, ends.film, ends.background, found)
+                tallies.append(eye_hits)
+            else:
+                kept, n = pass_on(*part, found)
+                tallies.append(n)
+            ends.hits.append(found[:n])
             parts.append((first, kept))
-            tallies.append(eye_hits)
 
         tallies: list[int] = []
         self._workers.run(chunk, before - base, smallest=FEWEST, largest=SETTLED)
-        counters.rays.eye_hits += sum(tallies)
+        if ends.last:
+            counters.rays.eye_hits += sum(tallies)
+        else:
+            passed = sum(tallies)
         if parts:
             firsts, counts = np.array(sorted(parts), np.int64).T.copy()
             self.active = close_ranks(self._rays, self._paths, base, firsts, counts)
-        return before - self.active
+        return before - self.active - passed

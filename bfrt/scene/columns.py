@@ -41,6 +41,8 @@ class Prepared(NamedTuple):
         How many nothing can hit.
     bad : int
         The first that is not finite, or -1.
+    group : int
+        That they belong to.
     """
 
     kind: Kind
@@ -51,6 +53,7 @@ class Prepared(NamedTuple):
     boxes: NDArray[np.float32]
     degenerate: int
     bad: int
+    group: int
 
 
 def prepare(
@@ -59,6 +62,7 @@ def prepare(
     counts: NDArray[np.uint32],
     materials: NDArray[np.uint32],
     origin: Vector,
+    group: int = 0,
 ) -> Prepared:
     """Work out the boxes of records (n, scalars), or of vertices (m, 3) of n polygons.
 
@@ -68,7 +72,7 @@ def prepare(
     boxes = np.empty((len(materials), 6), np.float32)
     flat = records.reshape(-1).view(np.uint8)
     degenerate, bad = bound(kind, flat, counts, wide, origin, SCALARS[kind], boxes)
-    return Prepared(kind, wide, flat, counts, materials, boxes, degenerate, bad)
+    return Prepared(kind, wide, flat, counts, materials, boxes, degenerate, bad, group)
 
 
 class MaterialColumn:

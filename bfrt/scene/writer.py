@@ -7,11 +7,12 @@ opens is whole. Blocks pass through once: geometry as given, boxes and materials
 from __future__ import annotations
 
 import contextlib
+import functools
 import logging
+import operator
 import os
 import secrets
 import shutil
-import time
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -24,8 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import MATERIAL, SCALARS, Kind
-from bfrt.scene.columns import Prepared, StreamWriter, prepare
-from bfrt.scene.extent import Extent
+from bfrt.scene.columns import Prepared, prepare
+from bfrt.scene.extent import Bounds
+from bfrt.scene.group import GroupWriter
 from bfrt.scene.header import header_text
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material, Vector
@@ -47,6 +49,9 @@ log = logging.getLogger(__name__)
 
 #: Distinct materials that are remembered, so that a repeated one is stored once.
 REMEMBERED = 65536
+
+#: Groups of a store: their streams have numbers of 16 bits.
+MOST_GROUPS = (1 << 16) // len(Kind)
 
 #: Objects whose boxes are worked out at once: what bounds memory beside the caller's block.
 BLOCK = 65536
@@ -104,10 +109,7 @@ class SceneWriter:
         self._origin = None if origin is None else _triple("origin", origin)
         self._hierarchy = hierarchy or Hierarchy()
         self._durable = durable
-        self._streams: dict[Kind, StreamWriter] = {}
-        self._extent = Extent()
-        self._expected: Mapping[Kind, int] = {}
-        self._surface = 0.0
+        self._groups: list[GroupWriter] = []
         self._camera: Camera | None = None
         self._lights: list[Light] = []
         self._background: Vector = (0.0, 0.0, 0.0)
@@ -121,7 +123,8 @@ class SceneWriter:
         self._aside = self._target.with_name(name)
         self._open = True
         try:
-            (self._aside / "0").mkdir(parents=True)
+            self._aside.mkdir(parents=True)
+            self._group(0)
             self._palette = FileWriter(self._aside / PALETTE, durable)
         except BaseException as error:
             shutil.rmtree(self._aside, ignore_errors=True)
@@ -151,8 +154,8 @@ class SceneWriter:
         self._background = _triple("background", color)
 
     def expect(self, counts: Mapping[Kind, int], surface: float) -> None:
-        """Announce the objects that will be added, before the first: the first level of the
-        hierarchy is then made as they come, without a second pass over their boxes.
+        """Announce the objects of group 0, before the first: the first level of the hierarchy is
+        then made as they come, without a second pass over their boxes.
 
         Parameters
         ----------
@@ -161,9 +164,7 @@ class SceneWriter:
         surface : float
             That of the grid, about; it decides how many boxes are merged into one.
         """
-        if self._streams:
-            raise SettingError("expect: found objects already, expected a call before the first")
-        self._expected, self._surface = dict(counts), float(surface)
+        self._groups[0].expect(counts, surface)
 
     def material(self, material: Material) -> int:
         """Add a material to the palette; returns its index. A repeated one is found again."""
@@ -185,14 +186,20 @@ class SceneWriter:
         return index
 
     def spheres(
-        self, centers: ArrayLike, radii: ArrayLike, materials: ArrayLike | None = None
+        self,
+        centers: ArrayLike,
+        radii: ArrayLike,
+        materials: ArrayLike | None = None,
+        *,
+        group: int = 0,
     ) -> None:
         """Add spheres: centers (n, 3), radii (n,), material index or indices (n,).
 
         Radii are taken as what the centers are, float32 or float64.
         """
         c, n = _rows("centers", centers, (3,))
-        self.append(Kind.SPHERE, np.hstack([c, _column("radii", radii, n, c.dtype)]), materials)
+        records = np.hstack([c, _column("radii", radii, n, c.dtype)])
+        self.append(Kind.SPHERE, records, materials, group=group)
 
     def cones(
         self,
@@ -201,6 +208,8 @@ class SceneWriter:
         apexes: ArrayLike,
         apex_radii: ArrayLike,
         materials: ArrayLike | None = None,
+        *,
+        group: int = 0,
     ) -> None:
         """Add cones without caps: ends (n, 3) and radii (n,). Equal radii make cylinders."""
         a, n = _rows("bases", bases, (3,))
@@ -212,33 +221,54 @@ class SceneWriter:
         rb = _column("apex_radii", apex_radii, n, dtype)
         if (ra * rb < 0).any():
             raise SceneError("cones: found radii of both signs in one cone, expected one sign")
-        self.append(Kind.CONE, np.hstack([a, ra, b, rb]), materials)
+        self.append(Kind.CONE, np.hstack([a, ra, b, rb]), materials, group=group)
 
-    def triangles(self, vertices: ArrayLike, materials: ArrayLike | None = None) -> None:
+    def triangles(
+        self, vertices: ArrayLike, materials: ArrayLike | None = None, *, group: int = 0
+    ) -> None:
         """Add triangles: vertices (n, 3, 3), counterclockwise from outside."""
         v, n = _rows("vertices", vertices, (3, 3))
-        self.append(Kind.TRIANGLE, v.reshape(n, 9), materials)
+        self.append(Kind.TRIANGLE, v.reshape(n, 9), materials, group=group)
 
     def patches(
-        self, vertices: ArrayLike, normals: ArrayLike, materials: ArrayLike | None = None
+        self,
+        vertices: ArrayLike,
+        normals: ArrayLike,
+        materials: ArrayLike | None = None,
+        *,
+        group: int = 0,
     ) -> None:
         """Add triangles with vertex normals for smooth shading, both (n, 3, 3)."""
         v, n = _rows("vertices", vertices, (3, 3))
         normal, m = _rows("normals", normals, (3, 3))
         if n != m:
             raise SceneError(f"normals: found {m} rows, expected {n}, as many as vertices")
-        self.append(Kind.PATCH, np.hstack([v.reshape(n, 9), normal.reshape(n, 9)]), materials)
+        records = np.hstack([v.reshape(n, 9), normal.reshape(n, 9)])
+        self.append(Kind.PATCH, records, materials, group=group)
 
     def polygons(
-        self, vertices: ArrayLike, counts: ArrayLike, materials: ArrayLike | None = None
+        self,
+        vertices: ArrayLike,
+        counts: ArrayLike,
+        materials: ArrayLike | None = None,
+        *,
+        group: int = 0,
     ) -> None:
         """Add polygons: the vertices of all (m, 3), one after another, and counts (n,) >= 3.
 
         A polygon of three vertices is stored as a triangle and numbered among those.
         """
-        self.append_polygons(_floats("vertices", vertices), _array("counts", counts), materials)
+        given = _floats("vertices", vertices), _array("counts", counts)
+        self.append_polygons(*given, materials, group=group)
 
-    def append(self, kind: Kind, records: NDArray[Any], materials: ArrayLike | None = None) -> None:
+    def append(
+        self,
+        kind: Kind,
+        records: NDArray[Any],
+        materials: ArrayLike | None = None,
+        *,
+        group: int = 0,
+    ) -> None:
         """Add records (n, scalars) of one kind other than polygons, laid out as on disk."""
         records = _floats(kind.label, records)
         if records.ndim != 2 or records.shape[1] != SCALARS[kind] or kind == Kind.POLYGON:
@@ -252,10 +282,15 @@ class SceneWriter:
                 last = first + BLOCK
                 part = indices[first:last]
                 own = records[first:last].copy()
-                self.add(self.prepare(kind, own, np.zeros_like(part), part))
+                self.add(self.prepare(kind, own, np.zeros_like(part), part, group))
 
     def append_polygons(
-        self, vertices: NDArray[Any], counts: NDArray[Any], materials: ArrayLike | None = None
+        self,
+        vertices: NDArray[Any],
+        counts: NDArray[Any],
+        materials: ArrayLike | None = None,
+        *,
+        group: int = 0,
     ) -> None:
         """Add polygons of vertices (m, 3) and counts (n,)."""
         vertices = _floats("polygon", vertices)
@@ -277,12 +312,13 @@ class SceneWriter:
         three = counts == 3
         if three.any():
             in_triangle = np.repeat(three, counts)
-            self.append(Kind.TRIANGLE, vertices[in_triangle].reshape(-1, 9), indices[three])
+            triangles = vertices[in_triangle].reshape(-1, 9)
+            self.append(Kind.TRIANGLE, triangles, indices[three], group=group)
             vertices, counts, indices = vertices[~in_triangle], counts[~three], indices[~three]
         if len(counts):
             with self._writing():
                 own, fours = vertices.copy(), counts.astype(np.uint32)
-                self.add(self.prepare(Kind.POLYGON, own, fours, indices))
+                self.add(self.prepare(Kind.POLYGON, own, fours, indices, group))
 
     def prepare(
         self,
@@ -290,6 +326,7 @@ class SceneWriter:
         records: NDArray[Any],
         counts: NDArray[np.uint32],
         materials: NDArray[np.uint32],
+        group: int = 0,
     ) -> Prepared:
         """What `add` will write of a block, worked out: any thread may do it, in any order.
 
@@ -302,25 +339,39 @@ class SceneWriter:
             Vertices of each polygon, 4 or more; of no use for other kinds.
         materials : (n,) uint32
             Indices that `material` gave.
+        group : int
+            That they belong to.
         """
+        self._check_group(group)
         origin = self._origin_for(records)
-        wide = self._is_wide(kind, records.dtype)
+        wide = self._is_wide(kind, records.dtype, group)
         with np.errstate(over="ignore"):  # infinity is refused
             if not wide:
                 records = _relative(kind, records, origin)
             data = np.ascontiguousarray(records, np.float64 if wide else np.float32)
-        return prepare(kind, data, counts, materials, origin)
+        return prepare(kind, data, counts, materials, origin, group)
 
     def add(self, block: Prepared) -> None:
         """Write a prepared block: the next objects of its kind."""
         with self._writing():
-            if block.kind not in self._streams:
-                folder = self._aside / "0" / block.kind.label
-                stream = StreamWriter(folder, 0, block.kind, block.wide, self._durable)
-                self._streams[block.kind] = stream
-                if count := self._expected.get(block.kind):
-                    stream.expect(count, self._surface, self._hierarchy)
-            self._streams[block.kind].append(block, self._extent)
+            self._group(block.group).add(block)
+
+    def _check_group(self, group: int) -> None:
+        """Groups are numbered as they come: each is an old one, or the next."""
+        if isinstance(group, bool) or not 0 <= operator.index(group) <= len(self._groups):
+            raise SettingError(
+                f"group: found {group!r}, expected 0 to {len(self._groups)}: the last is new"
+            )
+        if group >= MOST_GROUPS:
+            raise SettingError(f"group: found {group}, expected fewer than {MOST_GROUPS}")
+
+    def _group(self, number: int) -> GroupWriter:
+        """A group's writer; of a new one, made."""
+        if number == len(self._groups):
+            folder = self._aside / str(number)
+            folder.mkdir()
+            self._groups.append(GroupWriter(folder, number, self._hierarchy, self._durable))
+        return self._groups[number]
 
     def _origin_for(self, records: NDArray[Any]) -> Vector:
         """The store's origin, which the first block decides."""
@@ -333,18 +384,19 @@ class SceneWriter:
                     self._origin = _triple("center of the first block", center)
         return self._origin
 
-    def _is_wide(self, kind: Kind, dtype: np.dtype[Any]) -> bool:
+    def _is_wide(self, kind: Kind, dtype: np.dtype[Any], group: int) -> bool:
         """Whether a stream is float64, which its first block decides where nobody else does."""
         if self._dtype is not None:
             return bool(self._dtype == np.float64)
         narrow = dtype == np.float32
-        if kind not in self._streams:
+        streams = self._groups[group].streams if group < len(self._groups) else {}
+        if kind not in streams:
             return not narrow or any(self._origin or ())
-        if not self._streams[kind].wide and not narrow:
+        if not streams[kind].wide and not narrow:
             raise SceneError(
                 f"{kind.label}: found a block of {dtype}, expected float32 as in the first block"
             )
-        return self._streams[kind].wide
+        return streams[kind].wide
 
     def _material_indices(self, materials: ArrayLike | None, n: int) -> NDArray[np.uint32]:
         if materials is None:
@@ -377,7 +429,7 @@ class SceneWriter:
             self.abandon()
             raise
         self._open = False
-        degenerate = sum(s.degenerate for s in self._streams.values())
+        degenerate = sum(s.degenerate for g in self._groups for s in g.streams.values())
         if degenerate:
             log.warning(
                 "%s: %d degenerate objects (no length, no area) are kept and never hit",
@@ -387,37 +439,23 @@ class SceneWriter:
         return open_store(self.path)
 
     def _header(self) -> dict[str, Any]:
-        streams = [self._streams[kind].close() for kind in sorted(self._streams)]
+        origin = self._origin or (0.0, 0.0, 0.0)
+        groups = [group.close(origin) for group in self._groups]
         self._palette.close()
-        outliers, grid_bounds = self._extent.outliers()
-        self._make_levels(streams, self._surface if self._expected else grid_bounds.surface)
-        group = {"streams": streams, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
+        self._put(MADE, {"hierarchy_seconds": sum(g.hierarchy_seconds for g in self._groups)})
+        bounds = functools.reduce(Bounds.union, [group.bounds for group in self._groups])
         return {
             "magic": MAGIC,
             "version": VERSION,
-            "origin": self._origin or (0.0, 0.0, 0.0),
-            "bounds": bounds_to(self._extent.bounds),
-            "groups": [group],
+            "origin": origin,
+            "bounds": bounds_to(bounds),
+            "groups": groups,
             "camera": None if self._camera is None else asdict(self._camera),
             "lights": self._lights,
             "background": self._background,
             "palette": {"bytes": self._palette.bytes, "crc32": self._palette.checksum},
             "hierarchy": asdict(self._hierarchy),
         }
-
-    def _make_levels(self, streams: list[dict[str, Any]], surface: float) -> None:
-        """Make the hierarchies, and enter them in the streams' parts of the header."""
-        begun = [s.first_level for s in self._streams.values() if s.first_level is not None]
-        start = time.perf_counter() - sum(level.seconds for level in begun)
-        for header in streams:
-            stream = self._streams[Kind(header["kind"])]
-            origin = self._origin or (0.0, 0.0, 0.0)
-            levels = stream.make_levels(self._hierarchy, surface, origin)
-            header["levels"] = [level.count for level in levels]
-            for number, level in enumerate(levels, 1):
-                facts = {"bytes": level.file.bytes, "crc32": level.file.checksum}
-                header["files"][f"level{number}"] = facts
-        self._put(MADE, {"hierarchy_seconds": time.perf_counter() - start})
 
     def _put(self, name: str, fields: dict[str, Any]) -> None:
         with FileWriter(self._aside / name, self._durable) as file:
@@ -469,8 +507,8 @@ class SceneWriter:
     def abandon(self) -> None:
         """Give up: remove everything written so far."""
         self._open = False
-        for stream in self._streams.values():
-            stream.abandon()
+        for group in self._groups:
+            group.abandon()
         self._palette.abandon()
         shutil.rmtree(self._aside, ignore_errors=True)
 

@@ -112,7 +112,7 @@ def test_marks_do_not_depend_on_subspaces(row, tmp_path):
 def test_a_slab_where_no_ray_waits_is_not_read(row, tmp_path):
     store, _, _ = row
     rng = np.random.default_rng(2)
-    origins = rng.random((50, 3)) + [0, 0, 20]  # across, in one place
+    origins = rng.random((50, 3)) + np.array([0, 0, 20])  # across, in one place
     directions = units(rng, 50) * [1, 1, 1e-3]
     capacities = replace(fast.ROOMY, limits=limits_of(64, 0))
     found = fast.nearest(fast.gridded(store), origins, directions, tmp_path, capacities)

@@ -540,7 +540,7 @@ def test_a_wide_block_after_a_narrow_one_is_refused(folder):
 def test_more_vertices_than_offsets_can_count(folder):
     with SceneWriter(folder / "a.bfrt") as writer:
         writer.polygons(N3, [4])
-        writer._streams[Kind.POLYGON].vertices = (1 << 32) - 4
+        writer._groups[0].streams[Kind.POLYGON].vertices = (1 << 32) - 4
         with pytest.raises(SceneError, match=r"polygon 1: found more than 2\^32 vertices"):
             writer.polygons(N3, [4])
         writer.abandon()

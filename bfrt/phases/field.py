@@ -1,0 +1,102 @@
+"""A group as rays go through it: its objects, its grid, its marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bfrt.budget import Capacities
+from bfrt.phases.intersection import intersect_all
+from bfrt.phases.outliers import Outliers
+from bfrt.phases.partition import partition_of
+from bfrt.phases.preprocess import lattice_of, preprocess
+from bfrt.phases.selection import Selections
+from bfrt.phases.slabs import Slabs
+from bfrt.phases.traversal import Flight, Ground
+from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.scene.marks import Marks
+from bfrt.scene.objects import Objects
+from bfrt.scene.store import Group, Store
+from bfrt.stats import Counters
+from bfrt.workers import Workers
+
+
+class Field:
+    """One group, and the grid that memory has room for.
+
+    Attributes
+    ----------
+    swept : int
+        Objects that the last pass looked at.
+    facts : dict
+        What the counters tell of the grid.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        group: Group,
+        workers: Workers,
+        capacities: Capacities,
+        refine: str,
+        scratch: Path,
+    ) -> None:
+        lazy = refine != "base"
+        self.objects = Objects(store, group, workers, capacities.read_buffer, lazy)
+        self.swept = sum(stream.count for stream in group.streams)
+        self.marks_reused = False
+        self.facts: dict[str, Any] = {}
+        self._selections = Selections(group.streams) if refine == "sgb" else None
+        self._store = store
+        self._workers = workers
+        self._capacities = capacities
+        self._scratch = scratch
+        self._cut = partition_of(group, capacities.limits)
+        self._lattice = lattice_of(store, group, self._cut.shape, self._cut.axis)
+        self._outliers = Outliers(store, group)
+        self._slabs: Slabs | None = None
+
+    def preprocess(self, fresh: bool, counters: Counters) -> None:
+        """See that there are marks."""
+        marks, self.marks_reused = self._marks(fresh, counters)
+        self.facts = {
+            "voxels": list(self._cut.shape),
+            "lower": 1 << self._cut.lower_bits,
+            "bricks": int(marks.first[-1]),
+            "slabs": len(Slabs.cuts(marks, self._capacities.limits.slab)) - 1,
+        }
+        marks.close()
+
+    def _marks(self, fresh: bool, counters: Counters) -> tuple[Marks, bool]:
+        return preprocess(
+            self._store,
+            self.objects,
+            self._selections,
+            self._lattice,
+            self._cut,
+            self._capacities.subspace,
+            fresh=fresh,
+            scratch=self._scratch,
+            counters=counters,
+        )
+
+    def open(self) -> Ground:
+        """Take memory for the grid."""
+        marks, _ = self._marks(False, Counters())
+        self._slabs = Slabs(self._lattice, marks, self._capacities.limits.slab, self._workers)
+        voxel_rays = VoxelRays(
+            self._cut.shape,
+            self._capacities.candidates,
+            self._cut.lower_bits,
+            self._capacities.blocks,
+        )
+        return Ground(self._slabs, voxel_rays, self._outliers)
+
+    def intersect(self, flight: Flight, counters: Counters) -> None:
+        """One pass over the group's objects."""
+        self.swept = intersect_all(self.objects, self._selections, flight, counters)
+
+    def close(self) -> None:
+        """Close the marks."""
+        if self._slabs is not None:
+            self._slabs.close()

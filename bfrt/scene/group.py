@@ -1,0 +1,84 @@
+"""A group as it is written: a stream for each kind, its bounds, its outliers, its hierarchies."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bfrt.errors import SettingError
+from bfrt.records import Kind
+from bfrt.scene.columns import Prepared, StreamWriter
+from bfrt.scene.extent import Bounds, Extent
+from bfrt.scene.hierarchy import Hierarchy
+from bfrt.scene.model import Vector
+from bfrt.scene.store import bounds_to
+
+
+class GroupWriter:
+    """One group of a store.
+
+    Parameters
+    ----------
+    folder : Path
+        The group's.
+    number : int
+        The group's.
+    """
+
+    def __init__(self, folder: Path, number: int, hierarchy: Hierarchy, durable: bool) -> None:
+        self.streams: dict[Kind, StreamWriter] = {}
+        self.hierarchy_seconds = 0.0
+        self._folder = folder
+        self._number = number
+        self._hierarchy = hierarchy
+        self._durable = durable
+        self._extent = Extent()
+        self._expected: Mapping[Kind, int] = {}
+        self._surface = 0.0
+
+    @property
+    def bounds(self) -> Bounds:
+        """Those of all objects."""
+        return self._extent.bounds
+
+    def expect(self, counts: Mapping[Kind, int], surface: float) -> None:
+        """Make first levels as the objects come, of which there will be so many."""
+        if self.streams:
+            raise SettingError("expect: found objects already, expected a call before the first")
+        self._expected, self._surface = dict(counts), float(surface)
+
+    def add(self, block: Prepared) -> None:
+        """Write a block: the next objects of its kind."""
+        if block.kind not in self.streams:
+            stream = StreamWriter(
+                self._folder / block.kind.label, self._number, block.kind, block.wide, self._durable
+            )
+            self.streams[block.kind] = stream
+            if count := self._expected.get(block.kind):
+                stream.expect(count, self._surface, self._hierarchy)
+        self.streams[block.kind].append(block, self._extent)
+
+    def close(self, origin: Vector) -> dict[str, Any]:
+        """Complete all files; returns the group's part of the header."""
+        headers = [self.streams[kind].close() for kind in sorted(self.streams)]
+        outliers, grid_bounds = self._extent.outliers()
+        surface = self._surface if self._expected else grid_bounds.surface
+        begun = [s.first_level for s in self.streams.values() if s.first_level is not None]
+        start = time.perf_counter() - sum(level.seconds for level in begun)
+        for header in headers:
+            levels = self.streams[Kind(header["kind"])].make_levels(
+                self._hierarchy, surface, origin
+            )
+            header["levels"] = [level.count for level in levels]
+            for number, level in enumerate(levels, 1):
+                facts = {"bytes": level.file.bytes, "crc32": level.file.checksum}
+                header["files"][f"level{number}"] = facts
+        self.hierarchy_seconds = time.perf_counter() - start
+        return {"streams": headers, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
+
+    def abandon(self) -> None:
+        """Give the files up."""
+        for stream in self.streams.values():
+            stream.abandon()
