@@ -87,7 +87,10 @@ def command(
 
 def add_convert(commands: Any) -> None:
     made = command(commands, "convert", run_convert, "Stream a scene file into a scene store.")
-    made.add_argument("input", help="an NFF file, - for standard input, or spd:NAME:SIZE")
+    made.add_argument(
+        "input", nargs="+",
+        help="an NFF file, - for standard input, or spd:NAME:SIZE; of several, each is a group",
+    )  # fmt: skip
     made.add_argument("-o", "--output", required=True, help="the store to make (X.bfrt)")
     made.add_argument("--dtype", choices=("float32", "float64"), default="float32")
     add_hierarchy(made)
@@ -171,7 +174,7 @@ def add_verify(commands: Any) -> None:
 
 
 def run_convert(options: argparse.Namespace) -> None:
-    with reading_bar(options.input, options.quiet) as progress:
+    with reading_bar(*options.input, quiet=options.quiet) as progress:
         convert(
             options.input,
             options.output,
@@ -309,7 +312,7 @@ def opened(options: argparse.Namespace) -> Iterator[Store]:
     folder = scratch_folder(options.scratch, Path(options.output[0]))
     temporary = Path(tempfile.mkdtemp(prefix="bfrt-", dir=folder))
     try:
-        with reading_bar(options.input, options.quiet) as progress:
+        with reading_bar(options.input, quiet=options.quiet) as progress:
             name = Path(options.input.replace(":", "-")).stem or "scene"
             store = convert(
                 options.input, temporary / f"{name}.bfrt", progress=progress, durable=False
@@ -354,11 +357,10 @@ def wants_bar(quiet: bool) -> bool:
 
 
 @contextmanager
-def reading_bar(source: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """A bar of the bytes of a file that are read."""
-    is_file = Path(source).is_file()
-    total = Path(source).stat().st_size if is_file else 0
-    with bar(total, "B", "convert", quiet or not is_file) as progress:
+def reading_bar(*sources: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
+    """A bar of the bytes of files that are read."""
+    total = sum(path.stat().st_size for path in map(Path, sources) if path.is_file())
+    with bar(total, "B", "convert", quiet or not total) as progress:
         yield progress
 
 

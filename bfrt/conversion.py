@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import Kind
+from bfrt.scene.columns import Prepared
 from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.model import Camera
+from bfrt.scene.model import Camera, Light, Vector
 from bfrt.scene.nff import read_nff
 from bfrt.scene.store import HEADER, Store, open_store
 from bfrt.scene.writer import SceneWriter
@@ -28,6 +29,8 @@ SUFFIXES = (".nff",)
 #: Blocks that wait to be written while the next is read.
 PENDING = 4
 
+Source = str | os.PathLike[str]
+
 #: Called with the bytes of input that are done.
 Report = Callable[[int], None]
 
@@ -39,7 +42,7 @@ def is_store(source: str | os.PathLike[str]) -> bool:
 
 
 def convert(
-    source: str | os.PathLike[str],
+    source: Source | Sequence[Source],
     target: str | os.PathLike[str],
     *,
     dtype: Any = "float32",
@@ -47,12 +50,14 @@ def convert(
     progress: Report | None = None,
     durable: bool = True,
 ) -> Store:
-    """Convert a scene file to a scene store, streaming.
+    """Convert scene files to a scene store, streaming.
 
     Parameters
     ----------
-    source : path-like
+    source : path-like, or sequence of path-like
         An NFF file, "-" for NFF from standard input, or ``spd:NAME:SIZE`` for a standard scene.
+        Of several, each becomes a group, with a grid of its own: one small dense thing in a large
+        sparse one. The view, the lights and the background are the first file's.
     target : path-like
         The store to make. One that is there is replaced when the new one is complete.
     dtype : {"float32", "float64"}
@@ -60,7 +65,7 @@ def convert(
     hierarchy : Hierarchy, optional
         Settings of the box hierarchy; by default the paper's, for a standard scene its own.
     progress : callable, optional
-        Called with the bytes read so far.
+        Called with the bytes read so far, of all files.
     durable : bool
         Whether the store outlives a loss of power; of no use for one that is removed soon.
 
@@ -77,49 +82,103 @@ def convert(
     SettingError
         If no reader knows the file's suffix.
     """
-    name = os.fspath(source)
-    spd = parse_spd(name) if name.startswith("spd:") else None
-    if spd is not None:
-        hierarchy = hierarchy or spd.hierarchy
+    sources = [source] if isinstance(source, (str, os.PathLike)) else source
+    names = [os.fspath(each) for each in sources]
+    if not names:
+        raise SettingError("convert: found no scene, expected one or more")
+    scenes = [parse_spd(name) if name.startswith("spd:") else None for name in names]
+    if scenes[0] is not None:
+        hierarchy = hierarchy or scenes[0].hierarchy
     with SceneWriter(
         target, dtype=dtype, origin=(0.0, 0.0, 0.0), hierarchy=hierarchy, durable=durable
     ) as writer:
-        if spd is not None:
-            writer.expect(spd.counts, spd.surface)
-            spd.feed(writer, usable_threads())
-        elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
-            read_scene(name, writer, progress)
-        else:
-            raise SettingError(
-                f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(SUFFIXES)}, "
-                "spd:NAME:SIZE, or - for NFF from standard input"
-            )
+        if scenes[0] is not None:
+            writer.expect(scenes[0].counts, scenes[0].surface)
+        for number, (name, spd) in enumerate(zip(names, scenes, strict=True)):
+            sink = GroupSink(writer, number)
+            if spd is not None:
+                spd.feed(sink, usable_threads())
+            elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
+                read_scene(name, sink, after(progress, names[:number]))
+            else:
+                raise SettingError(
+                    f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(SUFFIXES)}, "
+                    "spd:NAME:SIZE, or - for NFF from standard input"
+                )
     return open_store(target)
 
 
+def after(progress: Report | None, files: list[str]) -> Report | None:
+    """A report that counts these files as read."""
+    if progress is None:
+        return None
+    read = sum(path.stat().st_size for path in map(Path, files) if path.is_file())
+    return lambda done: progress(read + done)
+
+
+class GroupSink:
+    """A scene writer as one file of several sees it: its objects are a group.
+
+    The first file's view, lights and background are the scene's.
+    """
+
+    def __init__(self, writer: SceneWriter, group: int) -> None:
+        self._writer = writer
+        self._group = group
+        self.material = writer.material
+        self.add = writer.add
+
+    def camera(self, camera: Camera) -> None:
+        if self._group == 0:
+            self._writer.camera(camera)
+
+    def light(self, light: Light) -> None:
+        if self._group == 0:
+            self._writer.light(light)
+
+    def background(self, color: Vector) -> None:
+        if self._group == 0:
+            self._writer.background(color)
+
+    def prepare(
+        self,
+        kind: Kind,
+        records: NDArray[Any],
+        counts: NDArray[np.uint32],
+        materials: NDArray[np.uint32],
+    ) -> Prepared:
+        return self._writer.prepare(kind, records, counts, materials, self._group)
+
+    def append(self, *block: Any) -> None:
+        self._writer.append(*block, group=self._group)
+
+    def append_polygons(self, *block: Any) -> None:
+        self._writer.append_polygons(*block, group=self._group)
+
+
 class Behind:
-    """A scene writer one step behind the reader: blocks are written while the next are read.
+    """A sink one step behind the reader: blocks are written while the next are read.
 
     Blocks are copied, for the reader uses its own again; at most `PENDING` wait.
     """
 
-    def __init__(self, writer: SceneWriter) -> None:
-        self._writer = writer
+    def __init__(self, sink: GroupSink) -> None:
+        self._sink = sink
         self._thread = ThreadPoolExecutor(1, "bfrt-writer")
         self._pending: deque[Future[None]] = deque()
-        self.camera = writer.camera
-        self.light = writer.light
-        self.background = writer.background
-        self.material = writer.material
+        self.camera = sink.camera
+        self.light = sink.light
+        self.background = sink.background
+        self.material = sink.material
 
     def append(self, kind: Kind, records: NDArray[Any], materials: NDArray[np.uint32]) -> None:
-        self._hand_over(self._writer.append, kind, records.copy(), materials.copy())
+        self._hand_over(self._sink.append, kind, records.copy(), materials.copy())
 
     def append_polygons(
         self, vertices: NDArray[Any], counts: NDArray[Any], materials: NDArray[np.uint32]
     ) -> None:
         copies = vertices.copy(), counts.copy(), materials.copy()
-        self._hand_over(self._writer.append_polygons, *copies)
+        self._hand_over(self._sink.append_polygons, *copies)
 
     def _hand_over(self, write: Callable[..., None], *block: Any) -> None:
         self._pending.append(self._thread.submit(write, *block))
@@ -140,11 +199,11 @@ class Behind:
             self._thread.shutdown(cancel_futures=True)
 
 
-def read_scene(name: str, writer: SceneWriter, progress: Report | None) -> None:
-    """Read NFF into a writer, whose own complaints get the file's name too."""
+def read_scene(name: str, sink: GroupSink, progress: Report | None) -> None:
+    """Read NFF into a sink, whose own complaints get the file's name too."""
     try:
-        with Behind(writer) as sink:
-            read_nff(name, sink, progress=progress)
+        with Behind(sink) as behind:
+            read_nff(name, behind, progress=progress)
     except SceneError as error:
         if str(error).startswith((name, "<stdin>")):
             raise
