@@ -13,6 +13,7 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -88,6 +89,10 @@ SUBSPACE_PART = 0.4
 FLYING_PART = 0.45
 GRID_PART = SLAB_PART + UPPER_PART + BLOCK_PART + 0.02
 
+#: Of what is left after what is always needed: a frame that is in memory, or a band of it.
+FRAME_PART = 0.5
+BAND_PART = 0.15
+
 #: The paper's Ru: 256 upper voxels an axis.
 MOST_UPPERS = 1 << 24
 
@@ -145,6 +150,8 @@ class Capacities:
     """What a budget holds."""
 
     memory: int
+    rows: int
+    frame_on_disk: bool
     limits: Limits
     blocks: int
     subspace: int
@@ -163,15 +170,39 @@ def frame_bytes(width: int, height: int, samples: int) -> int:
     return elements * (FILM_BYTES + AOV_BYTES) + width * height * PIXEL_BYTES + IMAGE_BAND
 
 
-def fixed_bytes(store: Store, width: int, height: int, samples: int, threads: int) -> int:
-    """What a render takes whatever the budget is, without rays and grid."""
+def band_bytes(width: int, rows: int, samples: int) -> int:
+    """The film of a band of rows, while the image is on disk."""
+    corners = samples == 0
+    return (width + corners) * (rows + corners) * (FILM_BYTES + AOV_BYTES) + IMAGE_BAND
+
+
+class Frame(NamedTuple):
+    """How a frame is held: so many rows at a time, in so many bytes."""
+
+    rows: int
+    bytes: int
+    on_disk: bool
+
+
+def frame_of(width: int, height: int, samples: int, room: int) -> Frame:
+    """The whole frame where it takes no more than its part of the memory, else bands of rows."""
+    whole = frame_bytes(width, height, samples)
+    if whole <= room * FRAME_PART:
+        return Frame(height, whole, on_disk=False)
+    row = band_bytes(width, 2, samples) - band_bytes(width, 1, samples)
+    fits = int((room * BAND_PART - band_bytes(width, 1, samples)) / row) + 1
+    rows = min(height, max(fits, -(-FEWEST_RAYS // width)))
+    return Frame(rows, band_bytes(width, rows, samples), on_disk=True)
+
+
+def fixed_bytes(store: Store, threads: int) -> int:
+    """What a render takes whatever the budget is, without frame, rays and grid."""
     largest = max((s.stride * s.largest for s in store.streams), default=0)
     buffers = len(store.streams) * threads * (READ_BUFFER * 9 // 4 + largest)
     outgoing = threads * emit_room(len(store.lights)) * QUEUED_BYTES
     levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER + SELECTED * 16
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
-    frame = frame_bytes(width, height, samples)
-    return BASELINE + frame + buffers + levels + outgoing + palette
+    return BASELINE + buffers + levels + outgoing + palette
 
 
 def grid_bytes(cut: Partition, limits: Limits, blocks: int) -> int:
@@ -210,14 +241,19 @@ def capacities(
         If it is less than the least that works; the message names that. If it does not hold the
         grid that is asked for.
     """
-    fixed = fixed_bytes(store, width, height, samples, threads)
-    least = fixed + int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
+    fixed = fixed_bytes(store, threads)
+    frame = frame_of(width, height, samples, memory - fixed)
+    small = frame_of(width, height, samples, 0)
+    rays = FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART)
+    least = fixed + small.bytes + int(rays + 4096)
     if memory < least:
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more "
             f"for {width} x {height} pixels of this scene with {threads} threads"
         )
-    left = memory - fixed
+    if memory - fixed - frame.bytes < least - fixed - small.bytes:
+        frame = small
+    left = memory - fixed - frame.bytes
     uppers = int(min(left * UPPER_PART / UPPER_BYTES, MOST_UPPERS))
     limits = Limits(
         voxels=min(uppers << 3 * LOWER_BITS, 1 << VOXEL_BITS),
@@ -237,6 +273,8 @@ def capacities(
     hit = SHADED_HIT_BYTES + HIT_BYTES + (2 * HIT_BYTES if len(store.groups) > 1 else 0)
     return Capacities(
         memory=memory,
+        rows=frame.rows,
+        frame_on_disk=frame.on_disk,
         limits=limits,
         blocks=blocks,
         subspace=subspace,

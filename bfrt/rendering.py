@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bfrt.budget import capacities, default_memory, parse_memory
 from bfrt.errors import SettingError
+from bfrt.image.canvas import Canvas
 from bfrt.image.film import Film
 from bfrt.image.picture import Image
 from bfrt.scene.model import Camera
@@ -140,8 +140,10 @@ def render(
     )
     if refine == "sgb":
         stats.hierarchy_seconds = store.hierarchy_seconds
+    folder = scratch_folder(scratch, store.path)
+    canvas = Canvas(*view.resolution, folder if plan.frame_on_disk else None)
     with reporting(progress) as report:
-        film = render_film(
+        render_film(
             store,
             view,
             samples=corners,
@@ -149,11 +151,12 @@ def render(
             capacities=plan,
             refine=refine,
             fresh_marks=fresh_marks,
-            scratch=scratch_folder(scratch, store.path),
+            scratch=folder,
             stats=stats,
             report=report,
+            take=lambda film: develop(film, canvas),
         )
-    image = Image(develop(film, view), describe(store, view, corners, depth), stats)
+    image = Image(canvas.channels(), describe(store, view, corners, depth), stats)
     stats.total.seconds = time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
     if stats.bad_rays:
@@ -161,18 +164,11 @@ def render(
     return image
 
 
-def develop(film: Film, camera: Camera) -> dict[str, NDArray[Any]]:
-    """The channels of the finished image, band by band."""
-    width, height = camera.resolution
-    rows = max(1, BAND // (width * 64))
-    bands = (film.rows(first, min(first + rows, height)) for first in range(0, height, rows))
-    channels: dict[str, NDArray[Any]] = {}
-    for number, band in enumerate(bands):
-        for name, part in band.items():
-            if name not in channels:
-                channels[name] = np.empty((height, width), part.dtype)
-            channels[name][number * rows : number * rows + len(part)] = part
-    return channels
+def develop(film: Film, canvas: Canvas) -> None:
+    """Add the rows that the film holds to the image, a few at a time."""
+    rows = max(1, BAND // (film.shape[1] * 64))
+    for first in range(film.row, film.end, rows):
+        canvas.add(film.rows(first, min(first + rows, film.end)))
 
 
 def describe(store: Store, camera: Camera, samples: int, depth: int) -> dict[str, str]:
@@ -230,15 +226,16 @@ class Bar:
             raise SettingError("progress: a bar needs tqdm: install bfrt[progress]") from None
         self._tqdm = tqdm
         self._bar: Any = None
-        self._depth = 0
+        self._where = (0, 0)
 
     def show(self, progress: Progress) -> None:
-        if progress.depth != self._depth:
+        if (progress.band, progress.depth) != self._where:
             self._close()
-            self._depth = progress.depth
+            self._where = (progress.band, progress.depth)
+            band = f"band {progress.band} of {progress.bands}, " if progress.bands > 1 else ""
             self._bar = self._tqdm(
                 total=progress.total,
-                desc=f"depth {progress.depth}",
+                desc=f"{band}depth {progress.depth}",
                 unit=" rays",
                 unit_scale=True,
                 disable=None,

@@ -42,11 +42,16 @@ from bfrt.workers import Workers
 
 
 class Progress(NamedTuple):
-    """Where a render is: the depth, and how many of its rays are finished."""
+    """Where a render is: the depth, and how many of its rays are finished.
+
+    A frame that memory does not hold is rendered in bands of rows, each from its first depth on.
+    """
 
     depth: int
     done: int
     total: int
+    band: int = 1
+    bands: int = 1
 
 
 #: Called as often as a pass ends; returning False cancels.
@@ -160,6 +165,10 @@ class Tracer:
             self._entered = None
 
 
+#: Called with a band of the film that is complete.
+Take = Callable[[Film], None]
+
+
 def render_film(
     store: Store,
     camera: Camera,
@@ -172,8 +181,9 @@ def render_film(
     scratch: Path,
     stats: Stats,
     report: Report,
-) -> Film:
-    """Trace one view of a scene.
+    take: Take,
+) -> None:
+    """Trace one view of a scene, and give the film away band by band.
 
     Parameters
     ----------
@@ -184,7 +194,7 @@ def render_film(
     refine : {"base", "sg", "sgb"}
         The paper's refinements.
     """
-    film = Film(*camera.resolution, samples)
+    film = Film(*camera.resolution, samples, capacities.rows)
     workers = Workers(capacities.threads)
     spools = [
         Spool(HIT, capacities.hits, scratch),
@@ -206,9 +216,15 @@ def render_film(
         stats.grids.extend(field.facts for field in tracer.fields)
         eye = view_vectors(camera, store.origin)[0]
         shading = Shading(store, film, eye, capacities)
-        rays = EyeRays(store, camera, samples)
+        bands = itertools.count(1)
         try:
-            _depths(tracer, shading, rays, spools, depth, stats, report)
+            more = True
+            while more:
+                rays = EyeRays(store, camera, samples, *film.elements())
+                where = Progress(0, 0, 0, next(bands), -(-camera.resolution[1] // film.held))
+                _depths(tracer, shading, rays, spools, depth, stats, report, where)
+                take(film)
+                more = film.advance()
         finally:
             tracer.close()
         stats.bad_rays = tracer.bad
@@ -216,7 +232,6 @@ def render_film(
         workers.close()
         for spool in spools:
             spool.close()
-    return film
 
 
 def _depths(
@@ -227,6 +242,7 @@ def _depths(
     last_depth: int,
     stats: Stats,
     report: Report,
+    where: Progress,
 ) -> None:
     """The depth loop."""
     hits, waiting, following = spools
@@ -234,10 +250,11 @@ def _depths(
     depth = 0
     while len(queue):
         depth += 1
-        with stats.depth() as counters:
+        with stats.depth(depth) as counters:
             if depth == 1:
                 counters.rays.eye = len(queue)
-            tracer.trace(queue, hits, counters, _teller(report, depth, len(queue)))
+            start = where._replace(depth=depth, total=len(queue))
+            tracer.trace(queue, hits, counters, _teller(report, start))
             with counters.phases.shading.timed():
                 following.clear()
                 objects = [field.objects for field in tracer.fields]
@@ -249,11 +266,13 @@ def _depths(
         queue = waiting
 
 
-def _teller(report: Report, depth: int, total: int) -> Callable[[int], None]:
+def _teller(report: Report, start: Progress) -> Callable[[int], None]:
     """What turns a count of finished rays into progress, and a False into the end."""
 
     def tell(done: int) -> None:
-        if report(Progress(depth, done, total)) is False:
-            raise Cancelled(f"cancelled at depth {depth}, with {done} of {total} rays finished")
+        if report(start._replace(done=done)) is False:
+            raise Cancelled(
+                f"cancelled at depth {start.depth}, with {done} of {start.total} rays finished"
+            )
 
     return tell

@@ -120,15 +120,17 @@ class Stats:
     peak_rss_bytes: int = 0
 
     @contextmanager
-    def depth(self) -> Iterator[Counters]:
-        """The counters of one more depth, added to the total at its end."""
+    def depth(self, number: int) -> Iterator[Counters]:
+        """Counters that are added to those of a depth, from 1, and to the total at their end."""
         counters = Counters()
         start = time.perf_counter()
         try:
             yield counters
         finally:
             counters.seconds = time.perf_counter() - start
-            self.depths.append(counters)
+            if number > len(self.depths):
+                self.depths.append(Counters())
+            self.depths[number - 1].add(counters)
             whole = self.total.seconds
             self.total.add(counters)
             self.total.seconds = whole

@@ -169,7 +169,8 @@ def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
     group = store.groups[0]
     cut = partition_of(group, plan.limits)
     parts = {
-        "fixed": fixed_bytes(store, width, height, samples, threads),
+        "fixed": fixed_bytes(store, threads),
+        "frame": frame_held(plan, width, height, samples),
         "a slab": min(plan.limits.slab, 512 * cut.bricks),
         "where bricks are": 6 * cut.bricks,
         "starts and occupancy": cut.uppers * (4 + 8 / 64),
@@ -183,9 +184,19 @@ def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
     assert sum(parts.values()) <= memory
     assert cut.voxels <= plan.limits.voxels <= 1 << VOXEL_BITS
     # Before there are rays.
-    assert parts["fixed"] + plan.subspace + 6 * cut.bricks + 2 * plan.limits.slab < memory
+    early = parts["fixed"] + parts["frame"]
+    assert early + plan.subspace + 6 * cut.bricks + 2 * plan.limits.slab < memory
     assert plan.rays <= 1 << RAY_BITS
     assert plan.candidates >= 4 * plan.rays
+
+
+def frame_held(plan, width, height, samples):
+    """The film of a band, or the whole film and the image."""
+    corners = samples == 0
+    film = (width + corners) * (plan.rows + corners) * 56
+    assert 1 <= plan.rows <= height
+    assert plan.frame_on_disk or plan.rows == height
+    return film + (0 if plan.frame_on_disk else width * height * 40)
 
 
 @given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 32), step=st.integers(0, MIB))
@@ -196,14 +207,15 @@ def test_more_memory_holds_no_fewer_rays(stores, view, which, more, step):
         capacities(stores[which], width, height, samples, m, threads)
         for m in (memory, memory + step)
     )
-    assert one.rays <= two.rays
-    assert one.limits.voxels <= two.limits.voxels
+    # But where the whole frame begins to fit, it does so in place of rays.
+    assert one.rays <= two.rays or (one.frame_on_disk and not two.frame_on_disk)
+    assert one.frame_on_disk >= two.frame_on_disk
 
 
-@pytest.mark.parametrize("part", ["width", "threads", "stores"])
+@pytest.mark.parametrize("part", ["threads", "stores"])
 def test_more_work_needs_more(stores, part):
     base = (640, 480, 0, 2)
-    more = {"width": (1280, 480, 0, 2), "threads": (640, 480, 0, 8), "stores": base}[part]
+    more = {"threads": (640, 480, 0, 8), "stores": base}[part]
     other = stores[2] if part == "stores" else stores[1]
     assert least_of(other, *more) > least_of(stores[1], *base)
 
@@ -220,3 +232,11 @@ def test_a_refusal_never_names_what_was_given(stores):
         capacities(stores[1], 512, 512, 0, least - MIB, 2)
     found, expected = re.findall(r"(\d+)MiB", str(caught.value))
     assert int(found) < int(expected)
+
+
+def test_a_larger_frame_needs_hardly_more(stores):
+    """It is rendered in bands of rows."""
+    small, large = (least_of(stores[1], side, side, 0, 2) for side in (64, 8192))
+    assert large < small + (8 << 20)
+    plan = capacities(stores[1], 8192, 8192, 0, 256 << 20, 2)
+    assert plan.frame_on_disk and 16 <= plan.rows < 8192

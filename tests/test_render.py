@@ -271,3 +271,33 @@ def test_every_file_of_the_package_renders(tmp_path):
         camera = replace(store.camera, resolution=(64, 64))
         image = bfrt.render(store, camera=camera, memory="128MiB")
         assert image.rgb.std() > 0.02, file
+
+
+@pytest.mark.parametrize("samples", [None, 3])
+@pytest.mark.parametrize("rows", [1, 7, 16])
+def test_bands_of_rows_make_the_same_picture(rings, tmp_path, monkeypatch, rows, samples):
+    """Corners between bands are traced once, and belong to both."""
+    module = importlib.import_module("bfrt.rendering")
+    from bfrt.budget import capacities
+
+    def banded(*arguments, **settings):
+        given = capacities(*arguments, **settings)
+        return replace(given, rows=rows, frame_on_disk=True)
+
+    camera = replace(rings.camera, resolution=(24, 17))
+    settings = {"camera": camera, "memory": "256MiB", "samples": samples, "scratch": tmp_path}
+    expected = bfrt.render(rings, **settings)
+    monkeypatch.setattr(module, "capacities", banded)
+    told = []
+    image = bfrt.render(rings, progress=told.append, **settings)
+    same(image, expected)
+    assert image.stats.total.rays == expected.stats.total.rays
+    bands = -(-17 // rows)
+    assert {(p.band, p.bands) for p in told} == {(b, bands) for b in range(1, bands + 1)}
+    assert len(image.stats.depths) == len(expected.stats.depths)
+    for suffix in (".exr", ".png", ".npy"):
+        for name, each in (("a", image), ("b", expected)):
+            each.save(tmp_path / f"{name}{suffix}")
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["a.exr", "a.npy", "a.png", "b.exr", "b.npy", "b.png"]

@@ -10,6 +10,9 @@ cdef class Film:
     cdef int64_t[:, ::1] sums       # element, R G B A; units of 2^-32
     cdef float[:, ::1] depth_normal  # element: Z, N.X, N.Y, N.Z of sample 0
     cdef uint64_t[::1] ids          # element: object id of sample 0
+    cdef int64_t first              # the element that is the first in memory
+    cdef readonly int row           # the image row that it begins
+    cdef readonly int held          # image rows in memory at a time
     cdef readonly tuple shape
     cdef readonly int samples
     cdef readonly bint corners
@@ -27,7 +30,7 @@ cdef inline int64_t fixed(double x) noexcept nogil:
 cdef inline void film_add(Film film, uint32_t element, double red, double green, double blue,
                           double alpha) noexcept nogil:
     """Add a contribution. Threads may do so at once."""
-    cdef int64_t* sums = &film.sums[element, 0]
+    cdef int64_t* sums = &film.sums[element - film.first, 0]
     atomic_add_saturating(&sums[0], fixed(red))
     atomic_add_saturating(&sums[1], fixed(green))
     atomic_add_saturating(&sums[2], fixed(blue))

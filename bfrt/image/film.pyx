@@ -3,6 +3,9 @@
 A film element is a pixel, or, in SPD's procedure, a pixel corner that up to four pixels average.
 Contributions are summed as 64-bit integers, so the picture does not depend on the order in which
 rays finish; averages are taken from the integers, and only then floats appear.
+
+A frame that memory does not hold is rendered in bands of rows, of which the film holds one. Two
+bands share the corners between them: their sums go on to the next one.
 """
 
 cimport cython
@@ -17,7 +20,7 @@ UNIT = 2.0**32
 
 @cython.final
 cdef class Film:
-    """Sums of all samples.
+    """Sums of all samples of a band of rows.
 
     Parameters
     ----------
@@ -25,28 +28,65 @@ cdef class Film:
         Of the image, pixels.
     samples : int
         A pixel; 0 means SPD's procedure: one at each corner.
+    held : int, optional
+        Rows of the image that are in memory at a time; by default all.
     """
 
-    def __cinit__(self, int width, int height, int samples):
+    def __cinit__(self, int width, int height, int samples, held=None):
         self.corners = samples == 0
         self.samples = max(samples, 1)
         self.shape = (height + self.corners, width + self.corners)
-        elements = self.shape[0] * self.shape[1]
+        self.held = height if held is None else min(held, height)
+        elements = (self.held + self.corners) * self.shape[1]
         self.sums = np.zeros((elements, 4), np.int64)
         self.depth_normal = np.zeros((elements, 4), np.float32)
-        self.depth_normal[:, 0] = np.inf
-        self.ids = np.full(elements, NO_HIT, np.uint64)
+        self.ids = np.empty(elements, np.uint64)
+        self.clear(0)
+
+    def clear(self, int kept):
+        """Forget all elements but the first `kept`."""
+        np.asarray(self.sums)[kept:] = 0
+        np.asarray(self.depth_normal)[kept:] = (np.inf, 0, 0, 0)
+        np.asarray(self.ids)[kept:] = NO_HIT
+
+    @property
+    def end(self):
+        """The image row after the last that is in memory."""
+        return min(self.row + self.held, self.shape[0] - self.corners)
+
+    def elements(self):
+        """The elements [first, last) of this band that no band before had."""
+        across = self.shape[1]
+        first = self.row + (1 if self.corners and self.row else 0)
+        return first * across, (self.end + self.corners) * across
+
+    def advance(self):
+        """Go on to the next band; false if there is none."""
+        cdef int last = self.end - self.row
+        if self.end + self.corners == self.shape[0]:
+            return False
+        across = self.shape[1]
+        shared = across if self.corners else 0
+        arrays = [np.asarray(self.sums), np.asarray(self.depth_normal), np.asarray(self.ids)]
+        for memory in arrays:
+            memory[:shared] = memory[last * across:last * across + shared]
+        self.clear(shared)
+        self.row += last
+        self.first = self.row * <int64_t>across
+        return True
 
     def rows(self, int first, int last):
-        """Channels of the image rows [first, last): a dict of (rows, width) arrays.
+        """Channels of the image rows [first, last), of this band: a dict of (rows, width) arrays.
 
         R G B A are float32 averages. Z, N and ids are those of sample 0 (the upper left corner
         in SPD's procedure) and never averaged; a miss has Z = inf, N = 0 and id = 2^64 - 1.
         """
         width = self.shape[1] - self.corners
-        sums = np.asarray(self.sums).reshape(*self.shape, 4)
-        seen = np.asarray(self.depth_normal).reshape(*self.shape, 4)[first:last, :width]
-        ids = np.asarray(self.ids).reshape(self.shape)[first:last, :width]
+        held = (self.held + self.corners, self.shape[1])
+        first, last = first - self.row, last - self.row
+        sums = np.asarray(self.sums).reshape(*held, 4)
+        seen = np.asarray(self.depth_normal).reshape(*held, 4)[first:last, :width]
+        ids = np.asarray(self.ids).reshape(held)[first:last, :width]
         # Four corners of sums below 2^63 would overflow an integer sum; a quarter of each, in
         # float64, is exact up to 2^53 and rounds once beyond, in one order.
         if self.corners:

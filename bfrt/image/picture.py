@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import SettingError
+from bfrt.image.canvas import forget
 from bfrt.image.exr import write_exr
 from bfrt.image.png import encode_png, write_png
 from bfrt.stats import Stats
@@ -143,6 +144,8 @@ class Image:
         step = max(1, BAND_BYTES // (4 * self.width * len(self.channels)))
         for row in range(0, self.height, step):
             yield {name: pixels[row : row + step] for name, pixels in self.channels.items()}
+            for pixels in self.channels.values():
+                forget(pixels)
 
     def _repr_png_(self) -> bytes:
         return b"".join(encode_png(self.width, self.height, self._bands()))

@@ -195,12 +195,13 @@ cdef class Shader:
 
     cdef void see(self, const Hit* h, Vec p, Vec n) noexcept nogil:
         """Keep what sample 0 sees."""
-        cdef float* seen = &self.film.depth_normal[h.pixel, 0]
+        cdef int64_t element = h.pixel - self.film.first
+        cdef float* seen = &self.film.depth_normal[element, 0]
         if h.sample:
             return
         seen[0] = <float>length(sub(p, self.eye))
         seen[1], seen[2], seen[3] = <float>n.x, <float>n.y, <float>n.z
-        self.film.ids[h.pixel] = h.id
+        self.film.ids[element] = h.id
 
     cdef void light(self, const Hit* h, const Surface* s, Vec d, Vec o, const Material* m,
                     const double* light) noexcept nogil:

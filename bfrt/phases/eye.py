@@ -15,17 +15,26 @@ from bfrt.scene.store import Store
 
 
 class EyeRays:
-    """All eye rays of a view, in the order of pixels and samples.
+    """Eye rays of a view, in the order of pixels and samples.
 
     Parameters
     ----------
+    first, last : int
+        The film elements, pixels or their corners, whose rays they are: [first, last).
     samples : int
         A pixel, stratified: in a lattice that has one sample in each of `samples` rows and
         columns, moved by a hash of the pixel. 0 is SPD's procedure: one ray at each pixel corner,
         so (width + 1) (height + 1), the outermost at half the angle.
     """
 
-    def __init__(self, store: Store, camera: Camera, samples: int) -> None:
+    def __init__(
+        self,
+        store: Store,
+        camera: Camera,
+        samples: int,
+        first: int = 0,
+        last: int | None = None,
+    ) -> None:
         self._width, self._height = camera.resolution
         self._samples = samples
         self._view = view_vectors(camera, store.origin)
@@ -33,11 +42,11 @@ class EyeRays:
         empty = store.bounds.empty
         bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
         self._bounds = bounds
-        self._taken = 0
-        if samples == 0:
-            self._total = (self._width + 1) * (self._height + 1)
-        else:
-            self._total = self._width * self._height * samples
+        corners = samples == 0
+        elements = (self._width + corners) * (self._height + corners)
+        each = max(1, samples)
+        self._taken = first * each
+        self._total = (elements if last is None else last) * each
 
     def __len__(self) -> int:
         return self._total - self._taken
