@@ -145,7 +145,7 @@ class Tracer:
             with phases.traversal.timed():
                 done += flight.admit(queue, ends, counters)
                 if flight.active:
-                    flight.collect(field.swept, counters)
+                    flight.collect(field.read, counters)
             if flight.active:
                 with phases.intersection.timed():
                     field.intersect(flight, counters)

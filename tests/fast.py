@@ -42,6 +42,8 @@ SHADOW_END = float(np.nextafter(1.0 - 2.0**-30, 2.0))
 #: Room for everything at once.
 ROOMY = Capacities(
     memory=0,
+    rows=1 << 16,
+    frame_on_disk=False,
     limits=Limits(voxels=1 << 12, slab=1 << 30, single=1 << 24, uppers=1 << 24),
     blocks=1 << 10,
     subspace=1 << 30,

@@ -88,18 +88,24 @@ cdef inline int locate(const Grid* g, int k, double x) noexcept nogil:
     return i
 
 
-cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil:
-    """The voxels of the box grown by 2d (rule 3)."""
-    cdef int k
-    for k in range(3):
-        r.lo[k] = locate(g, k, b.lo[k] - 2.0 * g.grow)
-        r.hi[k] = locate(g, k, b.hi[k] + 2.0 * g.grow)
-
-
 cdef inline int roughly(const Grid* g, int k, double x, double slack) noexcept nogil:
     """The voxel of axis k that holds x, by arithmetic, moved by `slack` voxels."""
     cdef double guess = (x - g.plane[k][0]) * g.inverse[k] + slack
     return <int>smaller(larger(guess, 0.0), g.n[k] - 1)
+
+
+cdef inline int located(const Grid* g, int k, double x) noexcept nogil:
+    """What `locate` says; the table is asked only where arithmetic may differ from it."""
+    cdef int low = roughly(g, k, x, -g.slack[k])
+    return low if low == roughly(g, k, x, g.slack[k]) else locate(g, k, x)
+
+
+cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil:
+    """The voxels of the box grown by 2d (rule 3)."""
+    cdef int k
+    for k in range(3):
+        r.lo[k] = located(g, k, b.lo[k] - 2.0 * g.grow)
+        r.hi[k] = located(g, k, b.hi[k] + 2.0 * g.grow)
 
 
 cdef inline double crossing(const Walk* w, int k, int plane) noexcept nogil:

@@ -1,11 +1,13 @@
-"""One box against many lines at once, in vector lanes: what box.pxd's `grown_span` says of each.
+"""Loops in vector lanes: one box against many lines, what box.pxd's `grown_span` says of each; and
+the voxels of some boxes, what grid.pxd's `box_range` says.
 
 The loop is C, for Cython has no way to ask for it in several instruction sets. The best that the
 processor has is picked when the module is loaded; all give the same bits, since each is the same
 IEEE operations in the same order, and never a fused one.
 """
 
-from bfrt.geometry.box cimport Grown
+from bfrt.geometry.box cimport Box, Grown, box_empty
+from bfrt.geometry.grid cimport Grid, Range, box_range
 
 cdef extern from *:
     """
@@ -57,7 +59,49 @@ cdef extern from *:
             }
         }
     }
+
+    enum { BFRT_BOXES = 8, BFRT_SIDES = 48 };
+
+    /* Of a grid, for each of the six sides of eight boxes. */
+    typedef struct {
+        double grow[BFRT_SIDES];     /* twice d, outwards */
+        double first[BFRT_SIDES];    /* the first plane */
+        double inverse[BFRT_SIDES];
+        double slack[BFRT_SIDES];
+        double last[BFRT_SIDES];     /* the last voxel */
+    } bfrt_sides;
+
+    /* The voxel of each side of the first n boxes; whether arithmetic may differ from the table. */
+    BFRT_CLONES
+    static int bfrt_sides_voxels(const bfrt_sides *s, const float *side, int n, int *voxel)
+    {
+        int differ = 0;
+        for (int j = 0; j < 6 * n; j++) {
+            double guess = ((side[j] + s->grow[j]) - s->first[j]) * s->inverse[j];
+            double low = guess - s->slack[j], high = guess + s->slack[j];
+            low = low > 0.0 ? low : 0.0;
+            low = low < s->last[j] ? low : s->last[j];
+            high = high > 0.0 ? high : 0.0;
+            high = high < s->last[j] ? high : s->last[j];
+            voxel[j] = (int)low;
+            differ |= (int)low ^ (int)high;
+        }
+        return differ;
+    }
     """
+    enum:
+        BOXES "BFRT_BOXES"
+
+    ctypedef struct Sides "bfrt_sides":
+        double grow[48]
+        double first[48]
+        double inverse[48]
+        double slack[48]
+        double last[48]
+
+    int sides_voxels "bfrt_sides_voxels"(const Sides* s, const float* side, int n,
+                                         int* voxel) noexcept nogil
+
     enum:
         LANES "BFRT_LANES"
 
@@ -75,3 +119,40 @@ cdef extern from *:
 cdef inline void grown_lanes(Lanes* l, int n, const Grown* g) noexcept nogil:
     """Set near and far of the first n lines, from their o and d."""
     lanes_span(l, n, &g.lo[0], &g.hi[0])
+
+
+cdef inline void sides_of(const Grid* g, Sides* s) noexcept nogil:
+    """What `box_ranges` has to know of a grid."""
+    cdef int j, k
+    for j in range(6 * BOXES):
+        k = j % 3
+        s.grow[j] = (2.0 if j % 6 >= 3 else -2.0) * g.grow
+        s.first[j] = g.plane[k][0]
+        s.inverse[j] = g.inverse[k]
+        s.slack[j] = g.slack[k]
+        s.last[j] = g.n[k] - 1
+
+
+cdef inline void box_ranges(const Grid* g, const Sides* s, const Box* boxes, int n,
+                            Range* ranges) noexcept nogil:
+    """The voxels of the first n boxes, BOXES or fewer; of empty ones anything."""
+    cdef int i
+    if sides_voxels(s, &boxes[0].lo[0], n, &ranges[0].lo[0]):
+        for i in range(n):
+            if not box_empty(&boxes[i]):
+                box_range(g, &boxes[i], &ranges[i])
+
+
+cdef inline void range_union(const Range* ranges, const Box* boxes, int n,
+                             Range* all) noexcept nogil:
+    """The voxels that any of the boxes reaches; a range that ends before it begins if none does."""
+    cdef int i, k
+    for k in range(3):
+        all.lo[k] = 0x7FFFFFFF
+        all.hi[k] = -1
+    for i in range(n):
+        if box_empty(&boxes[i]):
+            continue
+        for k in range(3):
+            all.lo[k] = min(all.lo[k], ranges[i].lo[k])
+            all.hi[k] = max(all.hi[k], ranges[i].hi[k])

@@ -2,13 +2,15 @@
 
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, box_union
-from bfrt.geometry.grid cimport Grid, Range, box_range, entered_by
-from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
+from bfrt.geometry.box cimport Grown, box_empty, box_grow
+from bfrt.geometry.grid cimport Grid, Range, entered_by
+from bfrt.geometry.lanes cimport (
+    BOXES, LANES, Lanes, Sides, box_ranges, grown_lanes, range_union, sides_of,
+)
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
 from bfrt.geometry.vector cimport vec
-from bfrt.phases.nearby cimport rays_near
+from bfrt.phases.nearby cimport rays_within
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, CROWD, VoxelRays, block_of, brick_word, covering_level, cube_word, entry_face,
@@ -27,6 +29,7 @@ cdef extern from *:
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
     const Grid* grid
+    Sides sides
     Ray* rays
     Grown box
     uint64_t id
@@ -220,16 +223,36 @@ cdef int meet_cube(Search* s, Sweep w, VoxelRays v, int level, int cx, int cy,
     return 0
 
 
-cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
-    """All rays that enter the object's region."""
-    cdef int level = covering_level(v, &s.upper)
+cdef int meet_cubes(Search* s, Sweep w, VoxelRays v, int level) except -1 nogil:
+    """The same by the few cubes of a level that cover it."""
     cdef int down = BRICK_BITS * level
     cdef int x, y, z
     for z in range(s.upper.lo[2] >> down, (s.upper.hi[2] >> down) + 1):
         for y in range(s.upper.lo[1] >> down, (s.upper.hi[1] >> down) + 1):
             for x in range(s.upper.lo[0] >> down, (s.upper.hi[0] >> down) + 1):
                 meet_cube(s, w, v, level, x, y, z)
-    meet_box(s, w)
+    return 0
+
+
+cdef inline bint in_one_brick(const Range* upper) noexcept nogil:
+    return (
+        upper.lo[0] >> BRICK_BITS == upper.hi[0] >> BRICK_BITS
+        and upper.lo[1] >> BRICK_BITS == upper.hi[1] >> BRICK_BITS
+        and upper.lo[2] >> BRICK_BITS == upper.hi[2] >> BRICK_BITS
+    )
+
+
+cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
+    """All rays that enter the object's region."""
+    cdef int level = covering_level(v, &s.upper)
+    cdef int down = BRICK_BITS * level
+    cdef int x = s.upper.lo[0] >> down, y = s.upper.lo[1] >> down, z = s.upper.lo[2] >> down
+    if level == 1 and in_one_brick(&s.upper):
+        meet_brick(s, w, v, x, y, z)
+    else:
+        meet_cubes(s, w, v, level)
+    if s.gathered:
+        meet_box(s, w)
     if s.pending:
         meet_pending(s, w)
     return 0
@@ -237,10 +260,12 @@ cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
 
 cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block, each against the rays in its voxels."""
-    cdef Box all
+    cdef Range ranges[BOXES]
+    cdef Range all
     cdef int i
-    box_union(&w.box[0], n, &all)
-    if not rays_near(&all, s.grid, v):
+    box_ranges(s.grid, &s.sides, &w.box[0], n, &ranges[0])
+    range_union(&ranges[0], &w.box[0], n, &all)
+    if all.hi[0] < 0 or not rays_within(&all, v):
         return 0
     for i in range(n):
         if not box_empty(&w.box[i]):
@@ -248,7 +273,7 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
             s.id = (<uint64_t>w.number << INDEX_BITS) + <uint64_t>(w.first + i)
             s.loaded = False
             box_grow(&w.box[i], s.grid.grow, &s.box)
-            box_range(s.grid, &w.box[i], &s.range)
+            s.range = ranges[i]
             s.upper = uppers_of(v, &s.range)
             meet_rays(s, w, v)
     return 0
@@ -272,6 +297,7 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelR
     cdef Search s
     cdef int64_t k
     s.grid = &lattice.grid
+    sides_of(s.grid, &s.sides)
     s.rays = &rays[0]
     s.gathered = s.pending = 0
     s.box_tests = s.object_tests = 0

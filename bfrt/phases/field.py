@@ -26,8 +26,8 @@ class Field:
 
     Attributes
     ----------
-    swept : int
-        Objects that the last pass looked at.
+    read : int
+        Bytes that the last pass read.
     facts : dict
         What the counters tell of the grid.
     """
@@ -43,7 +43,7 @@ class Field:
     ) -> None:
         lazy = refine != "base"
         self.objects = Objects(store, group, workers, capacities.read_buffer, lazy)
-        self.swept = sum(stream.count for stream in group.streams)
+        self.read = 0
         self.marks_reused = False
         self.facts: dict[str, Any] = {}
         self._selections = Selections(group.streams) if refine == "sgb" else None
@@ -94,7 +94,9 @@ class Field:
 
     def intersect(self, flight: Flight, counters: Counters) -> None:
         """One pass over the group's objects."""
-        self.swept = intersect_all(self.objects, self._selections, flight, counters)
+        before = counters.phases.intersection.bytes_read
+        intersect_all(self.objects, self._selections, flight, counters)
+        self.read = counters.phases.intersection.bytes_read - before
 
     def close(self) -> None:
         """Close the marks."""
