@@ -149,7 +149,9 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--sizes", type=int, default=2, help="of each scene, the smallest first")
-    parser.add_argument("--scenes", nargs="*", default=bfrt.spd.NAMES)
+    parser.add_argument(
+        "--scenes", nargs="*", default=bfrt.spd.NAMES, help="as rings, or rings:94 for that size"
+    )
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument(
         "--json", type=Path, help="write all that was measured; adds to what is there"
@@ -161,8 +163,12 @@ def main() -> None:
     if arguments.json and arguments.json.exists():
         done = json.loads(arguments.json.read_text())
     print(HEAD, flush=True)
-    for name in arguments.scenes:
-        for paper in [row for row in paper_rows() if row["scene"] == name][: arguments.sizes]:
+    for wanted in arguments.scenes:
+        name, _, size = wanted.partition(":")
+        rows = [row for row in paper_rows() if row["scene"] == name]
+        if size:
+            rows = [row for row in rows if row["size"] == int(size)]
+        for paper in rows if size else rows[: arguments.sizes]:
             key = name, paper["size"]
             row = next((r for r in done if (r["scene"], r["size"]) == key), None)
             if row is None:
