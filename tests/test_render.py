@@ -1,5 +1,6 @@
 """The whole path: the same picture whatever the machine is given to make it with."""
 
+import hashlib
 import importlib
 import json
 import os
@@ -301,3 +302,37 @@ def test_bands_of_rows_make_the_same_picture(rings, tmp_path, monkeypatch, rows,
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
     left = sorted(path.name for path in tmp_path.iterdir())
     assert left == ["a.exr", "a.npy", "a.png", "b.exr", "b.npy", "b.png"]
+
+
+@pytest.mark.slow
+def test_seventeen_million_objects_in_any_budget(tmp_path):
+    """The least that the refusal names, 96 MiB, 128 MiB, 256 MiB and 1 GiB: none is killed."""
+    store = bfrt.spd.rings(94).write(tmp_path / "rings.bfrt")
+    least = least_memory(store, store.camera, threads=2)
+    command = [sys.executable, "-m", "bfrt", "render", str(store.path), "--quiet", "--fresh-marks"]
+    digests = set()
+    for memory in (least, "96MiB", "128MiB", "256MiB", "1024MiB"):
+        with memory_cap(int(memory[:-3]) << 20) as group:
+            if group is None:
+                pytest.skip("no memory cgroup can be made here")
+            output = tmp_path / f"{memory}.npy"
+            done = run_in(group, [*command, "-o", str(output), "--memory", memory], tmp_path)
+            assert done.returncode == 0, (memory, done.stderr)
+        digests.add(hashlib.sha256(output.read_bytes()).hexdigest())
+    assert len(digests) == 1
+
+
+@pytest.mark.slow
+def test_a_frame_larger_than_its_memory(tmp_path):
+    """4,096 x 4,096 pixels in 128 MiB: the film alone would take 900 MB."""
+    store = bfrt.spd.rings(7).write(tmp_path / "rings.bfrt")
+    with memory_cap(128 << 20) as group:
+        if group is None:
+            pytest.skip("no memory cgroup can be made here")
+        command = [sys.executable, "-m", "bfrt", "render", str(store.path), "--quiet"]
+        size = ["--resolution", "4096", "4096", "--memory", "128MiB", "--stats", "s.json"]
+        done = run_in(group, [*command, "-o", "a.png", "-o", "a.exr", *size], tmp_path)
+        assert done.returncode == 0, done.stderr
+    rays = json.loads((tmp_path / "s.json").read_text())["rays"]
+    assert rays["eye"] == 4097 * 4097
+    assert (tmp_path / "a.exr").stat().st_size > 50e6

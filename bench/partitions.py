@@ -1,0 +1,162 @@
+"""How grids are cut: the paper's table 2, its supplement's figure 1, and a teapot in a stadium.
+
+::
+
+    python bench/partitions.py levels   --scenes rings:94 tree:21   the cost of two levels
+    python bench/partitions.py growth   --scenes rings:7,20,36,94   free and limited resolution
+    python bench/partitions.py stadium  --size 60                   one group, and two
+
+Each render runs inside a memory cgroup of 256 MiB with the store dropped from the page cache
+before, its marks made afresh but not counted in `levels`. Needs root, for the cgroup.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from capped import drop, run_capped
+
+import bfrt
+from bfrt import rendering
+
+CAP = 256 << 20
+
+#: The grid of the paper's table 2: 128 voxels an axis, in upper voxels of so many a side.
+SIDE = 128
+LOWERS = (1, 2, 4)
+
+#: What the child process is told: the store, the file for its counters, and settings as JSON.
+CHILD = "--render"
+
+
+def render_here(store: str, stats: str, settings: str) -> None:
+    """In the child: render with these settings, of which `lower` is none that users have."""
+    given = json.loads(settings)
+    lower = given.pop("lower", None)
+    if lower is not None:
+        divide = rendering.capacities
+
+        def limited(*arguments: Any, **keywords: Any) -> Any:
+            found = divide(*arguments, **keywords)
+            single = (SIDE // lower) ** 3
+            return replace(found, limits=found.limits._replace(single=single))
+
+        rendering.capacities = limited
+    image = bfrt.render(store, memory=CAP, **given)
+    Path(stats).write_text(json.dumps(image.stats.as_dict()))
+    image.save(str(Path(stats).with_suffix(".npy")))
+
+
+def rendered(store: Path, folder: Path, **settings: Any) -> dict[str, Any]:
+    """The counters of one render, cold and capped."""
+    drop(store)
+    stats = folder / "stats.json"
+    status, _ = run_capped([__file__, CHILD, str(store), str(stats), json.dumps(settings)], CAP)
+    if status:
+        raise SystemExit(f"{store.name} {settings}: exit status {status}")
+    found: dict[str, Any] = json.loads(stats.read_text())
+    found["picture"] = (folder / "stats.npy").read_bytes()
+    return found
+
+
+def made(scene: str, size: int, folder: Path) -> Path:
+    """A standard scene as a store."""
+    store = folder / f"{scene}{size}.bfrt"
+    options = ["--hash", "jenkins"] if scene == "mount" else []
+    command = [sys.executable, "-m", "bfrt", "spd", scene, str(size), "-o", str(store), "--quiet"]
+    subprocess.run([*command, *options], check=True)
+    return store
+
+
+def levels(scene: str, sizes: list[int], runs: int) -> None:
+    """The time without preprocess of a grid of one level, over that of two."""
+    for size in sizes:
+        with tempfile.TemporaryDirectory() as name:
+            store = made(scene, size, Path(name))
+            seconds: dict[int, list[float]] = {lower: [] for lower in LOWERS}
+            pictures = set()
+            rendered(store, Path(name), lower=1, max_grid=SIDE)  # makes the marks
+            for _ in range(runs):
+                for lower in LOWERS:
+                    found = rendered(store, Path(name), lower=lower, max_grid=SIDE)
+                    grid = found["grids"][0]
+                    if grid["lower"] != lower or not found["marks_reused"]:
+                        raise SystemExit(f"{store.name}: found {grid}, expected lower {lower}")
+                    seconds[lower].append(found["seconds"])
+                    pictures.add(found["picture"])
+        if len(pictures) != 1:
+            raise SystemExit(f"{scene} {size}: the pictures differ")
+        one, two, four = (float(np.median(seconds[lower])) for lower in LOWERS)
+        print(
+            f"{scene:7} {size:5} {one:8.2f} {two:8.2f} {four:8.2f} {one / two:6.2f} "
+            f"{one / four:6.2f}",
+            flush=True,
+        )
+
+
+def growth(scene: str, sizes: list[int], runs: int) -> None:
+    """Seconds against objects, marks included."""
+    for size in sizes:
+        with tempfile.TemporaryDirectory() as name:
+            store = made(scene, size, Path(name))
+            objects = bfrt.open(store).objects
+            medians = []
+            for settings in ({}, {"lower": 1, "max_grid": SIDE}):
+                found = [
+                    rendered(store, Path(name), fresh_marks=True, **settings)["seconds"]
+                    for _ in range(runs)
+                ]
+                medians.append(float(np.median(found)))
+        print(f"{scene:7} {size:5} {objects:12,} {medians[0]:8.2f} {medians[1]:8.2f}", flush=True)
+
+
+def stadium(size: int, runs: int) -> None:
+    """A teapot in a hall of triangles 2,000 times its size, in one group and in two."""
+    scene = bfrt.spd.teapot(size)
+    steps = np.arange(-6000.0, 6001.0, 50.0)
+    corners = np.stack(np.meshgrid(steps, steps, [-100.0]), axis=-1).reshape(-1, 1, 3)
+    seats = (corners + np.array([[0, 0, 0], [30, 0, 0], [0, 30, 5]])).astype(np.float32)
+    with tempfile.TemporaryDirectory() as name:
+        for groups in (1, 2):
+            store = Path(name) / f"{groups}.bfrt"
+            with bfrt.SceneWriter(store, dtype=np.float32, origin=(0, 0, 0)) as writer:
+                scene.feed(writer)
+                writer.triangles(seats, np.zeros(len(seats), np.uint32), group=groups - 1)
+            found = [rendered(store, Path(name), fresh_marks=True) for _ in range(runs)]
+            seconds = float(np.median([f["seconds"] for f in found]))
+            print(
+                f"{groups} groups: {scene.objects + len(seats):,} objects, {seconds:.2f} s, "
+                f"{found[0]['box_tests'] / 1e6:,.1f} million box tests",
+                flush=True,
+            )
+
+
+def main() -> None:
+    if sys.argv[1:2] == [CHILD]:
+        render_here(*sys.argv[2:])
+        return
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("what", choices=("levels", "growth", "stadium"))
+    parser.add_argument("--scenes", nargs="*", default=["rings:36"], help="as rings:36,94")
+    parser.add_argument("--size", type=int, default=60, help="of the teapot")
+    parser.add_argument("--runs", type=int, default=1)
+    arguments = parser.parse_args()
+    if arguments.what == "stadium":
+        stadium(arguments.size, arguments.runs)
+        return
+    for wanted in arguments.scenes:
+        scene, _, sizes = wanted.partition(":")
+        measure = levels if arguments.what == "levels" else growth
+        measure(scene, [int(size) for size in sizes.split(",")], arguments.runs)
+
+
+if __name__ == "__main__":
+    main()
