@@ -43,7 +43,8 @@ cdef struct Slab:
     int shift[3]           # of a voxel in its brick, an axis
     int axis
     const int32_t* slab_of  # the slab of each layer of bricks
-    const uint8_t* bricks  # of the brick that would be number 0
+    const uint8_t* bricks
+    int64_t first_brick    # the number of the first of them
 
 # Candidates on their way from one thread into memory that all share.
 cdef struct Outgoing:
@@ -77,7 +78,7 @@ cdef inline int32_t brick_at(const Slab* s, const int* at) noexcept nogil:
 cdef inline uint8_t mark_at(const Slab* s, int64_t brick, const int* at) noexcept nogil:
     """The marks of a voxel of a brick."""
     return s.bricks[
-        brick * BRICK_BYTES + ((at[0] & (BRICK - 1)) << s.shift[0])
+        (brick - s.first_brick) * BRICK_BYTES + ((at[0] & (BRICK - 1)) << s.shift[0])
         + ((at[1] & (BRICK - 1)) << s.shift[1]) + ((at[2] & (BRICK - 1)) << s.shift[2])
     ]
 
@@ -312,7 +313,7 @@ def walk(Ray[::1] rays, uint32_t[::1] order, int64_t first, int64_t last, Lattic
     cdef uint32_t ray
     s.number, s.axis = slab, g.order[2]
     s.table, s.slab_of = &table[0, 0, 0], &slab_of_layer[0]
-    s.bricks = &bricks[0, 0] - first_brick * BRICK_BYTES
+    s.bricks, s.first_brick = &bricks[0, 0], first_brick
     for k in range(3):
         s.stride[g.order[k]] = stride
         s.shift[g.order[k]] = k * BRICK_SHIFT

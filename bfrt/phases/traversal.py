@@ -36,8 +36,8 @@ from bfrt.workers import Workers
 FIRST_QUOTA = 2
 
 #: Bytes of the scene that are read in about the time that one candidate's tests take (measured on
-#: rings of 17 million objects: 60 to 120 are the best, from disk and from the page cache).
-BYTES_EACH = 100
+#: rings of 17 million objects: 60 to 120 are equally good, from disk and from the page cache).
+BYTES_EACH = 60
 
 #: Rays that enter memory at once, and the fewest worth handing to a thread.
 ADMITTED = 65536
