@@ -89,6 +89,8 @@ class Layout(NamedTuple):
 class Marks:
     """Marks in a file, of which only the tables are in memory.
 
+    The file stays open, so that it does not matter if another render replaces it meanwhile.
+
     Attributes
     ----------
     occupied : ndarray of uint8, shape (layers, rows, bricks of a row)
@@ -97,7 +99,14 @@ class Marks:
         How many bricks come before each layer's.
     """
 
-    def __init__(self, path: Path, layout: Layout, occupied: Bytes, crcs: NDArray[np.uint32]):
+    def __init__(
+        self,
+        path: Path,
+        layout: Layout,
+        occupied: Bytes,
+        crcs: NDArray[np.uint32],
+        file: Path | None = None,
+    ) -> None:
         self.path = path
         self.layout = layout
         self.occupied = occupied
@@ -106,7 +115,7 @@ class Marks:
         self._crcs = crcs
         self._checked = np.zeros(len(crcs), np.bool_)
         try:
-            self._file = path.open("rb", buffering=0)
+            self._file = (file or path).open("rb", buffering=0)
         except OSError as error:
             raise refused(path, 0, error, "reading") from error
 
@@ -145,12 +154,19 @@ def marks_path(store: Store, group: Group, scratch: Path) -> Path:
 
 
 class MarksWriter:
-    """The bricks of a grid, layer by layer."""
+    """The bricks of a grid, layer by layer.
+
+    Attributes
+    ----------
+    marks : Marks
+        What was written, when all of it is.
+    """
 
     def __init__(self, file: io.FileIO, path: Path, layout: Layout) -> None:
         self.occupied = np.zeros(layout.bricks, np.uint8)
         self.crcs = np.zeros(layout.bricks[0], np.uint32)
         self.bytes = layout.data_at
+        self.marks: Marks
         self._file, self._path = file, path
         self._layer = 0
         file.seek(layout.data_at)
@@ -177,6 +193,7 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
         )
         file.seek(0)
         put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
+        writer.marks = Marks(path, layout, writer.occupied, writer.crcs, temporary)
 
 
 def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:

@@ -195,8 +195,8 @@ class SceneWriter:
     ) -> None:
         """Add spheres: centers (n, 3), radii (n,), material index or indices (n,).
 
-        Radii are taken as what the centers are, float32 or float64. Objects of a group have a grid of
-        their own; groups are numbered from 0 as they come, and a new one has the next number.
+        Radii are taken as what the centers are, float32 or float64. Objects of a group have a grid
+        of their own; groups are numbered from 0 as they come, and a new one has the next number.
         """
         c, n = _rows("centers", centers, (3,))
         records = np.hstack([c, _column("radii", radii, n, c.dtype)])

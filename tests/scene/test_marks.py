@@ -47,6 +47,11 @@ def save(path, store, layout=LAYOUT, seed=1):
     with writing_marks(path, store, layout) as writer:
         for bricks, occupied in layers(layout, seed):
             writer.add(bricks, occupied)
+    for number, (bricks, _) in enumerate(layers(layout, seed)):  # open, wherever the name leads
+        found = np.empty_like(bricks)
+        writer.marks.read(number, found)
+        np.testing.assert_array_equal(found, bricks)
+    writer.marks.close()
     return writer.bytes
 
 
