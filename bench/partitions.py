@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from dataclasses import replace
@@ -23,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from capped import drop, run_capped
+from stores import made
 
 import bfrt
 from bfrt import rendering
@@ -65,15 +65,6 @@ def rendered(store: Path, folder: Path, **settings: Any) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(stats.read_text())
     found["picture"] = (folder / "stats.npy").read_bytes()
     return found
-
-
-def made(scene: str, size: int, folder: Path) -> Path:
-    """A standard scene as a store."""
-    store = folder / f"{scene}{size}.bfrt"
-    options = ["--hash", "jenkins"] if scene == "mount" else []
-    command = [sys.executable, "-m", "bfrt", "spd", scene, str(size), "-o", str(store), "--quiet"]
-    subprocess.run([*command, *options], check=True)
-    return store
 
 
 def levels(scene: str, sizes: list[int], runs: int) -> None:

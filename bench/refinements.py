@@ -17,14 +17,13 @@ import csv
 import json
 import shutil
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 from capped import drop, run_capped
+from stores import made
 
 import bfrt
 
@@ -77,24 +76,8 @@ def rendered(store: Path, refine: str, folder: Path) -> dict[str, Any]:
 
 def measured(name: str, size: int, runs: int, folder: Path) -> dict[str, Any]:
     """One row: medians of the runs, in turn."""
-    store = folder / f"{name}{size}.bfrt"
-    options = ["--hash", "jenkins"] if name == "mount" else []
     start = time.perf_counter()
-    subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "bfrt",
-            "spd",
-            name,
-            str(size),
-            "-o",
-            str(store),
-            "--quiet",
-            *options,
-        ],
-        check=True,
-    )
+    store = made(name, size, folder)
     row: dict[str, Any] = {"scene": name, "size": size, "create": time.perf_counter() - start}
     row["objects"] = bfrt.open(store).objects
     all_runs = [{r: rendered(store, r, folder) for r in REFINEMENTS} for _ in range(runs)]

@@ -165,9 +165,7 @@ class Capacities:
 
 def frame_bytes(width: int, height: int, samples: int) -> int:
     """The film, and the finished image that is made of it while it is still there."""
-    corners = samples == 0
-    elements = (width + corners) * (height + corners)
-    return elements * (FILM_BYTES + AOV_BYTES) + width * height * PIXEL_BYTES + IMAGE_BAND
+    return band_bytes(width, height, samples) + width * height * PIXEL_BYTES
 
 
 def band_bytes(width: int, rows: int, samples: int) -> int:
@@ -244,14 +242,14 @@ def capacities(
     fixed = fixed_bytes(store, threads)
     frame = frame_of(width, height, samples, memory - fixed)
     small = frame_of(width, height, samples, 0)
-    rays = FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART)
-    least = fixed + small.bytes + int(rays + 4096)
+    needed = int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
+    least = fixed + small.bytes + needed
     if memory < least:
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more "
             f"for {width} x {height} pixels of this scene with {threads} threads"
         )
-    if memory - fixed - frame.bytes < least - fixed - small.bytes:
+    if memory - fixed - frame.bytes < needed:
         frame = small
     left = memory - fixed - frame.bytes
     uppers = int(min(left * UPPER_PART / UPPER_BYTES, MOST_UPPERS))

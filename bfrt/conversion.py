@@ -6,6 +6,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import Kind
-from bfrt.scene.columns import Prepared
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Vector
 from bfrt.scene.nff import read_nff
@@ -126,7 +126,10 @@ class GroupSink:
         self._writer = writer
         self._group = group
         self.material = writer.material
+        self.prepare = partial(writer.prepare, group=group)
         self.add = writer.add
+        self.append = partial(writer.append, group=group)
+        self.append_polygons = partial(writer.append_polygons, group=group)
 
     def camera(self, camera: Camera) -> None:
         if self._group == 0:
@@ -139,21 +142,6 @@ class GroupSink:
     def background(self, color: Vector) -> None:
         if self._group == 0:
             self._writer.background(color)
-
-    def prepare(
-        self,
-        kind: Kind,
-        records: NDArray[Any],
-        counts: NDArray[np.uint32],
-        materials: NDArray[np.uint32],
-    ) -> Prepared:
-        return self._writer.prepare(kind, records, counts, materials, self._group)
-
-    def append(self, *block: Any) -> None:
-        self._writer.append(*block, group=self._group)
-
-    def append_polygons(self, *block: Any) -> None:
-        self._writer.append_polygons(*block, group=self._group)
 
 
 class Behind:

@@ -63,6 +63,11 @@ class Tracer:
 
     All memory of these phases is taken here, but for the grid of one group where there are
     several: rays go through one after another, each of which takes the place of the one before.
+
+    Attributes
+    ----------
+    fields : list of Field
+        The groups, each with its grid.
     """
 
     def __init__(
@@ -79,22 +84,17 @@ class Tracer:
     ) -> None:
         self._film = film
         self._background = np.array(store.background, np.float64)
-        self._fields = [
+        self.fields = [
             Field(store, group, workers, capacities, refine, scratch) for group in store.groups
         ]
         with counters.phases.preprocess.timed():
-            for field in self._fields:
+            for field in self.fields:
                 field.preprocess(fresh_marks, counters)
         self._flight = Flight(capacities.rays, workers)
         self._entered: Field | None = None
-        several = len(self._fields) > 1
+        several = len(self.fields) > 1
         room = capacities.hits if several else 0
         self._between = [Spool(HIT, room, scratch) for _ in range(2)]
-
-    @property
-    def fields(self) -> list[Field]:
-        """The groups, each with its grid."""
-        return self._fields
 
     @property
     def bad(self) -> int:
@@ -115,8 +115,8 @@ class Tracer:
         Intersections go to `hits`. What shadow rays bring, and the background, go to the film.
         """
         done = 0
-        last = self._fields[-1]
-        for field, between in zip(self._fields, itertools.cycle(self._between), strict=False):
+        last = self.fields[-1]
+        for field, between in zip(self.fields, itertools.cycle(self._between), strict=False):
             out = hits if field is last else between
             ends = Ends(out, self._film, self._background, field is last)
             done = self._trace_group(field, queue, ends, counters, tell, done)
@@ -216,15 +216,14 @@ def render_film(
         stats.grids.extend(field.facts for field in tracer.fields)
         eye = view_vectors(camera, store.origin)[0]
         shading = Shading(store, film, eye, capacities)
-        bands = itertools.count(1)
+        bands = -(-camera.resolution[1] // film.held)
         try:
-            more = True
-            while more:
+            for band in range(1, bands + 1):
                 rays = EyeRays(store, camera, samples, *film.elements())
-                where = Progress(0, 0, 0, next(bands), -(-camera.resolution[1] // film.held))
+                where = Progress(0, 0, 0, band, bands)
                 _depths(tracer, shading, rays, spools, depth, stats, report, where)
                 take(film)
-                more = film.advance()
+                film.advance()
         finally:
             tracer.close()
         stats.bad_rays = tracer.bad

@@ -11,9 +11,9 @@ cdef extern from *:
     """
     #include <stdint.h>
     #include <string.h>
-    /* The largest float32 that is not above x. Inline and without a branch
-       on which way x was rounded: a library call a coordinate would be most of what a sphere's box
-       costs, and the way is a coin's fall. */
+    /* The largest float32 that is not above x. Inline and without a branch on which way x was
+       rounded: a library call a coordinate would be most of what a sphere's box costs, and the way
+       is a coin's fall. */
     static inline float bfrt_below(double x) {
         float f = (float)x;
         int32_t bits;

@@ -59,11 +59,6 @@ cdef class Lattice:
             )
 
     @property
-    def axis(self):
-        """Along which the grid is cut into slabs."""
-        return self.order[2]
-
-    @property
     def layered(self):
         """Voxels an axis in the order of their strides, the longest first: (layers, rows, row)."""
         return tuple(self.shape[k] for k in self.order[::-1])

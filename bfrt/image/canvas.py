@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import mmap
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from bfrt.streams.aside import refused
+from bfrt.streams.aside import nameless
 from bfrt.streams.writer import write_all
 
 Channels = dict[str, npt.NDArray[Any]]
@@ -51,7 +50,8 @@ class Canvas:
 
     def _write(self, band: Channels, scratch: Path) -> None:
         if self._file is None:
-            self._file, self._types = _nameless(scratch), {n: r.dtype for n, r in band.items()}
+            self._file = nameless(scratch, scratch / "image")
+            self._types = {name: rows.dtype for name, rows in band.items()}
         height, width = self._shape
         for number, rows in enumerate(band.values()):
             # Every channel has 4 bytes a pixel.
@@ -79,10 +79,3 @@ def forget(pixels: npt.NDArray[Any]) -> None:
         base = getattr(base, "base", None)
     if base is not None:
         base.madvise(mmap.MADV_DONTNEED)
-
-
-def _nameless(scratch: Path) -> Any:
-    try:
-        return tempfile.TemporaryFile(buffering=0, prefix="bfrt-", dir=scratch)
-    except OSError as error:
-        raise refused(scratch / "image", 0, error, "creating") from error

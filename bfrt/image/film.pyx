@@ -61,10 +61,10 @@ cdef class Film:
         return first * across, (self.end + self.corners) * across
 
     def advance(self):
-        """Go on to the next band; false if there is none."""
+        """Go on to the next band, if there is one."""
         cdef int last = self.end - self.row
         if self.end + self.corners == self.shape[0]:
-            return False
+            return
         across = self.shape[1]
         shared = across if self.corners else 0
         arrays = [np.asarray(self.sums), np.asarray(self.depth_normal), np.asarray(self.ids)]
@@ -73,7 +73,6 @@ cdef class Film:
         self.clear(shared)
         self.row += last
         self.first = self.row * <int64_t>across
-        return True
 
     def rows(self, int first, int last):
         """Channels of the image rows [first, last), of this band: a dict of (rows, width) arrays.

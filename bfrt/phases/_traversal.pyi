@@ -64,15 +64,8 @@ def settle(
     film: Film,
     background: NDArray[np.float64],
     hits: NDArray[Any],
+    last_group: bool = True,
 ) -> tuple[int, int, int]: ...
-def pass_on(
-    rays: NDArray[Any],
-    paths: NDArray[Any],
-    first: int,
-    last: int,
-    lattice: Lattice,
-    partial: NDArray[Any],
-) -> tuple[int, int]: ...
 def close_ranks(
     rays: NDArray[Any],
     paths: NDArray[Any],

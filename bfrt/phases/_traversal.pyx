@@ -90,6 +90,13 @@ cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
     return walk_leave(w, CUBE_SHIFT if brick == EMPTY_CUBE else BRICK_SHIFT)
 
 
+cdef inline void take_over(Ray* r, Path* p, const double* line,
+                           const uint32_t* path) noexcept nogil:
+    """Copy a ray's line, and what it is for: the fields that all records of a ray have alike."""
+    memcpy(&r.ox, line, 6 * sizeof(double))
+    memcpy(p, path, sizeof(Path))
+
+
 cdef inline void begin(Ray* r, double t, uint64_t id, uint32_t kind) noexcept nogil:
     """A ray that has not yet met the grid."""
     r.t, r.id = t, id
@@ -132,14 +139,10 @@ def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base
     cdef int64_t i, box_tests = 0, object_tests = 0, bad = 0
     cdef const Queued* q
     cdef Ray* r
-    cdef Path* p
     with nogil:
         for i in range(first, last):
-            q, r, p = &queued[i], &rays[base + i], &paths[base + i]
-            r.ox, r.oy, r.oz = q.ox, q.oy, q.oz
-            r.dx, r.dy, r.dz = q.dx, q.dy, q.dz
-            p.pixel, p.sample, p.kind = q.pixel, q.sample, q.kind
-            p.red, p.green, p.blue = q.red, q.green, q.blue
+            q, r = &queued[i], &rays[base + i]
+            take_over(r, &paths[base + i], &q.ox, &q.pixel)
             begin(r, LIGHT if q.kind == SHADOW else INFINITY, NO_HIT, q.kind)
             if ray_bad(r):
                 bad += 1
@@ -162,14 +165,10 @@ def admit_again(const Hit[::1] partial, Ray[::1] rays, Path[::1] paths, int64_t 
     cdef int64_t i, box_tests = 0, object_tests = 0
     cdef const Hit* h
     cdef Ray* r
-    cdef Path* p
     with nogil:
         for i in range(first, last):
-            h, r, p = &partial[i], &rays[base + i], &paths[base + i]
-            r.ox, r.oy, r.oz = h.ox, h.oy, h.oz
-            r.dx, r.dy, r.dz = h.dx, h.dy, h.dz
-            p.pixel, p.sample, p.kind = h.pixel, h.sample, h.kind
-            p.red, p.green, p.blue = h.red, h.green, h.blue
+            h, r = &partial[i], &rays[base + i]
+            take_over(r, &paths[base + i], &h.ox, &h.pixel)
             begin(r, h.t, h.id, h.kind)
             if not ray_bad(r):  # which has been counted
                 come_in(r, lattice, outliers, &box_tests, &object_tests)
@@ -183,6 +182,13 @@ cdef inline int slab_of(const Grid* g, const Ray* r, const int32_t* slabs) noexc
 cdef inline bint descends(const Grid* g, const Ray* r) noexcept nogil:
     """Whether a ray goes through the slabs from the last to the first."""
     return (&r.dx)[g.order[2]] < 0.0
+
+
+cdef inline int part_of(const Grid* g, const Ray* r, const int32_t* layers,
+                        int slabs) noexcept nogil:
+    """Where a ray is in the order of its way through the slabs: up first, then down."""
+    cdef int slab = slab_of(g, r, layers)
+    return 2 * slabs - 1 - slab if descends(g, r) else slab
 
 
 def arrange(const Ray[::1] rays, int64_t first, Lattice lattice, const int32_t[::1] slab_of_layer,
@@ -210,18 +216,13 @@ def arrange(const Ray[::1] rays, int64_t first, Lattice lattice, const int32_t[:
         starts[:] = 0
         for i in range(first, rays.shape[0]):
             if rays[i].voxel != NOWHERE:
-                part = slab_of(&lattice.grid, &rays[i], layers)
-                if descends(&lattice.grid, &rays[i]):
-                    part = 2 * slabs - 1 - part
-                starts[part + 1] += 1
+                starts[part_of(&lattice.grid, &rays[i], layers, slabs) + 1] += 1
         for part in range(2 * slabs):
             starts[part + 1] += starts[part]
         total = starts[2 * slabs]
         for i in range(rays.shape[0] - 1, first - 1, -1):
             if rays[i].voxel != NOWHERE:
-                part = slab_of(&lattice.grid, &rays[i], layers)
-                if descends(&lattice.grid, &rays[i]):
-                    part = 2 * slabs - 1 - part
+                part = part_of(&lattice.grid, &rays[i], layers, slabs)
                 starts[part + 1] -= 1
                 order[starts[part + 1]] = <uint32_t>i
         # Each start has sunk to the one before it.
@@ -240,14 +241,14 @@ cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* le
     cdef int64_t steps = 0
     cdef bint candidate = r.state == CANDIDATE
     cdef int32_t brick
-    cdef uint8_t mark = 0
+    cdef uint8_t mark
     r.state = CANDIDATE
     while True:
         brick = brick_at(s, &w.at[0])
         if brick >= 0:
             if s.slab_of[w.at[s.axis] >> BRICK_SHIFT] != s.number:
                 r.voxel, r.face = w.voxel, <uint8_t>w.face
-                r.state = CANDIDATE if candidate else UNSEEN
+                r.state = UNSEEN
                 return steps
             mark = mark_at(s, brick, &w.at[0])
         else:
@@ -382,7 +383,7 @@ cdef inline void finish_miss(const Ray* r, const Path* p, Film film,
 
 
 def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice lattice,
-           Film film, const double[::1] background, Hit[::1] hits):
+           Film film, const double[::1] background, Hit[::1] hits, bint last_group=True):
     """Let complete rays of a part go, and close its ranks.
 
     Parameters
@@ -390,12 +391,13 @@ def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice 
     rays, paths : (capacity,)
         IN, OUT: those of [first, last) that stay are at its front.
     hits : (last - first or more,) records.HIT
-        OUT: intersections to be shaded.
+        OUT: intersections to be shaded; before the last group all rays, with the nearest hit so
+        far. Shadow rays that have met something end in any group.
 
     Returns
     -------
     kept, n, eye_hits : int
-        Rays that stay; intersections written; those of eye rays.
+        Rays that stay; those written; of them eye rays.
     """
     cdef int64_t i, kept = first, n = 0, eye_hits = 0
     cdef Ray* r
@@ -407,43 +409,13 @@ def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice 
                     rays[kept] = r[0]
                     paths[kept] = paths[i]
                 kept += 1
-            elif r.id == NO_HIT:
+            elif last_group and r.id == NO_HIT:
                 finish_miss(r, &paths[i], film, &background[0])
-            elif r.kind != SHADOW:
+            elif r.kind != SHADOW or r.id == NO_HIT:
                 finish_hit(r, &paths[i], &hits[n])
                 n += 1
                 eye_hits += r.kind == EYE
     return kept - first, n, eye_hits
-
-
-def pass_on(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice lattice,
-            Hit[::1] partial):
-    """`settle` for a group that is not the last: complete rays go on to the next one.
-
-    Parameters
-    ----------
-    partial : (last - first or more,) records.HIT
-        OUT: rays, with the nearest hit so far. Shadow rays that have met something end here.
-
-    Returns
-    -------
-    kept, n : int
-        Rays that stay; rays that go on.
-    """
-    cdef int64_t i, kept = first, n = 0
-    cdef Ray* r
-    with nogil:
-        for i in range(first, last):
-            r = &rays[i]
-            if not complete(r, lattice):
-                if kept != i:
-                    rays[kept] = r[0]
-                    paths[kept] = paths[i]
-                kept += 1
-            elif r.kind != SHADOW or r.id == NO_HIT:
-                finish_hit(r, &paths[i], &partial[n])
-                n += 1
-    return kept - first, n
 
 
 def close_ranks(Ray[::1] rays, Path[::1] paths, int64_t base, const int64_t[::1] firsts,

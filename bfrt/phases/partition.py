@@ -19,7 +19,7 @@ import numpy as np
 from bfrt.errors import BudgetError
 from bfrt.records import VOXEL_BITS
 from bfrt.scene.extent import Bounds
-from bfrt.scene.marks import BRICK, BRICK_BYTES, bricks_of
+from bfrt.scene.marks import BRICK, BRICK_BYTES, Shape, bricks_of
 from bfrt.scene.store import Group
 
 #: Voxels for each object of the grid. One is the rule's; two measured better, with entry marks,
@@ -28,8 +28,6 @@ VOXELS_EACH = 2
 
 #: The paper's Rl: voxels a side of an upper voxel at the most, as a power of two.
 LOWER_BITS = 2
-
-Shape = tuple[int, int, int]
 
 
 class Limits(NamedTuple):

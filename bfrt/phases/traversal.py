@@ -20,7 +20,6 @@ from bfrt.phases._traversal import (
     arrange,
     close_ranks,
     close_up,
-    pass_on,
     settle,
     walk,
 )
@@ -101,7 +100,7 @@ class Flight:
         self._workers = workers
         self._rays = np.empty(capacity, RAY)
         self._paths = np.empty(capacity, PATH)
-        self._order = np.arange(capacity, dtype=np.uint32)  # which one slab leaves as it is
+        self._order = np.empty(capacity, np.uint32)
         self._left = np.empty(capacity, np.uint32)
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
 
@@ -110,7 +109,7 @@ class Flight:
         self.lattice = ground.slabs.lattice
         self._slabs, self.voxel_rays, self._outliers = ground
         self._starts = np.empty(2 * ground.slabs.count + 1, np.int64)
-        self._order[:] = np.arange(len(self._order), dtype=np.uint32)
+        self._order[:] = np.arange(len(self._order), dtype=np.uint32)  # a single slab keeps this
 
     @property
     def rays(self) -> NDArray[Any]:
@@ -230,22 +229,27 @@ class Flight:
         def chunk(worker: int, first: int, last: int) -> None:
             found = self._hits[worker]
             first, last = base + first, base + last
-            part = (self._rays, self._paths, first, last, self.lattice)
-            if ends.last:
-                kept, n, eye_hits = settle(*part, ends.film, ends.background, found)
-                tallies.append(eye_hits)
-            else:
-                kept, n = pass_on(*part, found)
-                tallies.append(n)
+            kept, n, eye_hits = settle(
+                self._rays,
+                self._paths,
+                first,
+                last,
+                self.lattice,
+                ends.film,
+                ends.background,
+                found,
+                ends.last,
+            )
             ends.hits.append(found[:n])
             parts.append((first, kept))
+            tallies.append((n, eye_hits))
 
-        tallies: list[int] = []
+        tallies: list[tuple[int, int]] = []
         self._workers.run(chunk, before - base, smallest=FEWEST, largest=SETTLED)
         if ends.last:
-            counters.rays.eye_hits += sum(tallies)
+            counters.rays.eye_hits += sum(eye_hits for _, eye_hits in tallies)
         else:
-            passed = sum(tallies)
+            passed = sum(n for n, _ in tallies)
         if parts:
             firsts, counts = np.array(sorted(parts), np.int64).T.copy()
             self.active = close_ranks(self._rays, self._paths, base, firsts, counts)

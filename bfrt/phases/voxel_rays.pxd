@@ -55,7 +55,6 @@ cdef class VoxelRays:
     cdef int place_bits
 
     cdef void partition(self, int64_t n) noexcept
-    cdef int bucket_of(self, uint64_t entry) noexcept nogil
     cdef void sort_buckets(self, int first, int last) noexcept
     cdef void count(self, int64_t upper, int64_t end, int64_t first, int64_t last) noexcept nogil
     cdef void place(self, int64_t first, int64_t last) noexcept nogil

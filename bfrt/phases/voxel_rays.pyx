@@ -18,6 +18,30 @@ cdef enum:
     LOWER = 64      # voxels of an upper voxel at the most
 
 
+cdef inline int key_of(uint64_t entry, int keys, int shift) noexcept nogil:
+    """Bits of an entry's voxel; keys is a power of two."""
+    return <int>(entry_voxel(entry) >> shift) & (keys - 1)
+
+
+cdef void swap_into_place(uint64_t* entries, int64_t* next_of, const int64_t* end_of, int keys,
+                          int shift) noexcept nogil:
+    """Bring entries into the order of their keys, those of key k to [next_of[k], end_of[k])."""
+    cdef uint64_t entry, other
+    cdef int k, own
+    for k in range(keys):
+        while next_of[k] < end_of[k]:
+            entry = entries[next_of[k]]
+            own = key_of(entry, keys, shift)
+            while own != k:
+                other = entries[next_of[own]]
+                entries[next_of[own]] = entry
+                next_of[own] += 1
+                entry = other
+                own = key_of(entry, keys, shift)
+            entries[next_of[k]] = entry
+            next_of[k] += 1
+
+
 @cython.final
 cdef class VoxelRays:
     """Candidates of one pass, by voxel.
@@ -108,30 +132,17 @@ cdef class VoxelRays:
         """
         cdef int64_t next_of[BUCKETS]
         cdef int64_t i
-        cdef int b, own
-        cdef uint64_t entry, other
+        cdef int b, shift = 3 * self.bits + self.bucket_bits
         with nogil:
             memset(&self.border[0], 0, sizeof(self.border))
             for i in range(n):
-                self.border[self.bucket_of(self.entries[i]) + 1] += 1
+                self.border[key_of(self.entries[i], BUCKETS, shift) + 1] += 1
             for b in range(BUCKETS):
                 next_of[b] = self.border[b]
                 self.border[b + 1] += self.border[b]
-            for b in range(BUCKETS):
-                while next_of[b] < self.border[b + 1]:
-                    entry = self.entries[next_of[b]]
-                    own = self.bucket_of(entry)
-                    while own != b:
-                        other = self.entries[next_of[own]]
-                        self.entries[next_of[own]] = entry
-                        next_of[own] += 1
-                        entry = other
-                        own = self.bucket_of(entry)
-                    self.entries[next_of[b]] = entry
-                    next_of[b] += 1
-
-    cdef inline int bucket_of(self, uint64_t entry) noexcept nogil:
-        return <int>(entry_voxel(entry) >> (3 * self.bits + self.bucket_bits))
+            swap_into_place(
+                &self.entries[0], &next_of[0], &self.border[1], BUCKETS, shift
+            )
 
     cdef void sort_buckets(self, int first, int last) noexcept:
         """Sort the candidates of buckets [first, last)."""
@@ -290,15 +301,14 @@ cdef class VoxelRays:
 
     cdef void fill(self, int64_t block) noexcept nogil:
         """Sort an upper voxel's entries by voxel, and note where each begins."""
-        cdef uint32_t next_of[LOWER]
-        cdef uint32_t end_of[LOWER]
+        cdef int64_t next_of[LOWER]
+        cdef int64_t end_of[LOWER]
         cdef int lowers = 1 << 3 * self.bits
         cdef int64_t first = self.start[self.owner[block]]
         cdef int64_t last = self.start[self.owner[block] + 1]
-        cdef int64_t i
-        cdef uint32_t total = <uint32_t>first
-        cdef uint64_t entry, other, word = 0
-        cdef int k, own
+        cdef int64_t i, total = first
+        cdef uint64_t word = 0
+        cdef int k
         memset(&next_of[0], 0, sizeof(next_of))
         for i in range(first, last):
             next_of[lower_of(self, self.entries[i])] += 1
@@ -307,20 +317,9 @@ cdef class VoxelRays:
             total += next_of[k]
             end_of[k] = total
             next_of[k] = total - next_of[k]
-            self.block_start[block * lowers + k] = next_of[k]
+            self.block_start[block * lowers + k] = <uint32_t>next_of[k]
         self.block_word[block] = word
-        for k in range(lowers):
-            while next_of[k] < end_of[k]:
-                entry = self.entries[next_of[k]]
-                own = lower_of(self, entry)
-                while own != k:
-                    other = self.entries[next_of[own]]
-                    self.entries[next_of[own]] = entry
-                    next_of[own] += 1
-                    entry = other
-                    own = lower_of(self, entry)
-                self.entries[next_of[k]] = entry
-                next_of[k] += 1
+        swap_into_place(&self.entries[0], &next_of[0], &end_of[0], lowers, 0)
 
     cdef bint any_within(self, const Range* r) noexcept nogil:
         """Whether any of the voxels of a range holds a ray."""

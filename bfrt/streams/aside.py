@@ -12,6 +12,7 @@ import errno
 import io
 import os
 import secrets
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -64,6 +65,20 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise refused(target, 0, error, "writing") from error
         raise
     sync_folder(target.parent)
+
+
+def nameless(folder: Path, path: Path) -> io.FileIO:
+    """A file in a folder that, where the system can, never has a name that a crash could leave.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses it; `path` is what the error calls it.
+    """
+    try:
+        return tempfile.TemporaryFile(buffering=0, prefix="bfrt-", dir=folder)
+    except OSError as error:
+        raise refused(path, 0, error, "creating") from error
 
 
 def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import tempfile
 import threading
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import plain
-from bfrt.streams.aside import refused
+from bfrt.streams.aside import nameless, refused
 from bfrt.streams.writer import write_all
 
 Records = NDArray[Any]
@@ -96,7 +95,7 @@ class Spool:
 
     def _write(self, records: Records) -> None:
         if self._file is None:
-            self._file = self._nameless()
+            self._file = nameless(self._scratch, self._path)
         offset = max(0, self._appended - len(self._memory)) * self.dtype.itemsize
         self._file.seek(offset)
         self._last_end = offset + write_all(
@@ -124,13 +123,3 @@ class Spool:
         self._last_end = offset + done
         self._counts[0] += done
         return records
-
-    def _nameless(self) -> io.FileIO:
-        try:
-            # Where the system can, such a file never has a name that a crash could leave.
-            file = tempfile.TemporaryFile(  # noqa: SIM115
-                buffering=0, prefix="bfrt-", dir=self._scratch
-            )
-        except OSError as error:
-            raise refused(self._path, 0, error, "creating") from error
-        return file
