@@ -20,17 +20,26 @@ from bfrt.errors import (
     StreamError,
 )
 from bfrt.image.picture import Image
+from bfrt.queries.casting import (
+    Answer,
+    cast_rays,
+    count_intersections,
+    list_intersections,
+    occluded,
+)
 from bfrt.rendering import render
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Material
 from bfrt.scene.store import Store
-from bfrt.scene.store import open_store as open
 from bfrt.scene.writer import SceneWriter
+from bfrt.scene_file import Scene
+from bfrt.scene_file import open_scene as open
 from bfrt.scheduler import Progress
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Answer",
     "BfrtError",
     "BudgetError",
     "Camera",
@@ -41,6 +50,7 @@ __all__ = [
     "Light",
     "Material",
     "Progress",
+    "Scene",
     "SceneError",
     "SceneWriter",
     "SettingError",
@@ -48,7 +58,11 @@ __all__ = [
     "Store",
     "StoreError",
     "StreamError",
+    "cast_rays",
     "convert",
+    "count_intersections",
+    "list_intersections",
+    "occluded",
     "open",
     "render",
     "spd",

@@ -183,7 +183,12 @@ class Frame(NamedTuple):
 
 
 def frame_of(width: int, height: int, samples: int, room: int) -> Frame:
-    """The whole frame where it takes no more than its part of the memory, else bands of rows."""
+    """The whole frame where it takes no more than its part of the memory, else bands of rows.
+
+    Ray queries have none.
+    """
+    if not width:
+        return Frame(0, 0, on_disk=False)
     whole = frame_bytes(width, height, samples)
     if whole <= room * FRAME_PART:
         return Frame(height, whole, on_disk=False)
@@ -230,6 +235,8 @@ def capacities(
 
     Parameters
     ----------
+    width, height : int
+        Of the frame; 0 where there is none, for rays that somebody asks about.
     grid, max_grid : int, optional
         Voxels on the longest axis of a grid, or the most that there may be.
 
@@ -245,9 +252,10 @@ def capacities(
     needed = int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
     least = fixed + small.bytes + needed
     if memory < least:
+        what = f"{width} x {height} pixels" if width else "rays"
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more "
-            f"for {width} x {height} pixels of this scene with {threads} threads"
+            f"for {what} of this scene with {threads} threads"
         )
     if memory - fixed - frame.bytes < needed:
         frame = small

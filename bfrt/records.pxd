@@ -79,6 +79,27 @@ cdef packed struct Hit:
     float blue
     uint32_t kind
 
+# A Hit as queries use it: which ray it is, the t that belongs to its origin, hits counted.
+cdef packed struct Asked:
+    double ox
+    double oy
+    double oz
+    double dx
+    double dy
+    double dz
+    double t
+    uint64_t id
+    uint64_t number
+    double moved
+    uint32_t count
+    uint32_t kind
+
+cdef packed struct Crossing:
+    double t
+    uint64_t id
+    uint32_t ray    # its place among those in flight
+    uint32_t unused
+
 cdef packed struct Material:
     float red
     float green

@@ -14,6 +14,8 @@ HIT             88  an intersection that waits for shading
 CANDIDATE        8  voxel (30 bits), ray (21), face (3): a ray stored in a voxel
 MATERIAL        32  a material of the palette
 PARENT          32  a box of a hierarchy's level: around its children, and where they end
+ASKED           88  a HIT whose path tells of a ray that somebody asks about
+CROSSING        24  a place where a ray in flight crosses an object
 ===========  =====  ==========================================================================
 """
 
@@ -77,6 +79,18 @@ RAY = np.dtype(
 PATH = np.dtype(_PATH)
 QUEUED = np.dtype(_LINE + _PATH)
 HIT = np.dtype([*_LINE, ("t", "<f8"), ("id", "<u8"), *_PATH])
+ASKED = np.dtype(
+    [
+        *_LINE,
+        ("t", "<f8"),
+        ("id", "<u8"),
+        ("number", "<u8"),
+        ("moved", "<f8"),
+        ("count", "<u4"),
+        ("kind", "<u4"),
+    ]
+)
+CROSSING = np.dtype([("t", "<f8"), ("id", "<u8"), ("ray", "<u4"), ("unused", "<u4")])
 MATERIAL = np.dtype(
     [
         ("red", "<f4"),
@@ -101,6 +115,8 @@ RAY_BYTES = 72
 PATH_BYTES = 24
 QUEUED_BYTES = 72
 HIT_BYTES = 88
+ASKED_BYTES = 88
+CROSSING_BYTES = 24
 CANDIDATE_BYTES = 8
 MATERIAL_BYTES = 32
 PARENT_BYTES = 32
@@ -123,6 +139,8 @@ for _dtype, _bytes in (
     (PATH, PATH_BYTES),
     (QUEUED, QUEUED_BYTES),
     (HIT, HIT_BYTES),
+    (ASKED, ASKED_BYTES),
+    (CROSSING, CROSSING_BYTES),
     (MATERIAL, MATERIAL_BYTES),
     (PARENT, PARENT_BYTES),
 ):

@@ -29,10 +29,11 @@ import numpy as np
 from bfrt.budget import Capacities
 from bfrt.errors import Cancelled
 from bfrt.image.film import Film
+from bfrt.phases.crossings import Crossings
 from bfrt.phases.eye import EyeRays, view_vectors
 from bfrt.phases.field import Field
 from bfrt.phases.shading import Shading
-from bfrt.phases.traversal import Ends, Flight, Queue
+from bfrt.phases.traversal import Ends, Flight, Queue, Sink
 from bfrt.records import HIT, QUEUED
 from bfrt.scene.model import Camera
 from bfrt.scene.store import Store
@@ -64,6 +65,9 @@ class Tracer:
     All memory of these phases is taken here, but for the grid of one group where there are
     several: rays go through one after another, each of which takes the place of the one before.
 
+    Without a `film` all rays come to the hits, whether they have met something or not. With
+    `crossings` each goes on to its end, and all that it meets goes there.
+
     Attributes
     ----------
     fields : list of Field
@@ -73,7 +77,7 @@ class Tracer:
     def __init__(
         self,
         store: Store,
-        film: Film,
+        film: Film | None,
         workers: Workers,
         capacities: Capacities,
         *,
@@ -81,6 +85,7 @@ class Tracer:
         fresh_marks: bool,
         scratch: Path,
         counters: Counters,
+        crossings: Crossings | None = None,
     ) -> None:
         self._film = film
         self._background = np.array(store.background, np.float64)
@@ -90,7 +95,7 @@ class Tracer:
         with counters.phases.preprocess.timed():
             for field in self.fields:
                 field.preprocess(fresh_marks, counters)
-        self._flight = Flight(capacities.rays, workers)
+        self._flight = Flight(capacities.rays, workers, crossings)
         self._entered: Field | None = None
         several = len(self.fields) > 1
         room = capacities.hits if several else 0
@@ -108,7 +113,7 @@ class Tracer:
             spool.close()
 
     def trace(
-        self, queue: Queue, hits: Spool, counters: Counters, tell: Callable[[int], None]
+        self, queue: Queue, hits: Sink, counters: Counters, tell: Callable[[int], None]
     ) -> None:
         """Find the nearest hit of every ray in `queue`; `tell` gets the rays finished so far.
 
@@ -117,14 +122,14 @@ class Tracer:
         done = 0
         last = self.fields[-1]
         for field, between in zip(self.fields, itertools.cycle(self._between), strict=False):
-            out = hits if field is last else between
+            out: Sink = hits if field is last else between
             ends = Ends(out, self._film, self._background, field is last)
             done = self._trace_group(field, queue, ends, counters, tell, done)
             for spool in self._between:
                 counters.phases.traversal.spooled(spool)
                 if spool is queue:
                     spool.clear()
-            queue = out
+            queue = between
         tell(done)
 
     def _trace_group(

@@ -18,6 +18,8 @@ LAYERS = [
     {"phases", "budget"},
     {"scheduler", "reference"},
     {"rendering", "conversion"},
+    {"queries"},
+    {"scene_file"},
     {"__init__", "cli", "__main__"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

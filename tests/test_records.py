@@ -32,6 +32,8 @@ TWINS = {
     "Path": (records.PATH, 24),
     "Queued": (records.QUEUED, 72),
     "Hit": (records.HIT, 88),
+    "Asked": (records.ASKED, 88),
+    "Crossing": (records.CROSSING, 24),
     "Material": (records.MATERIAL, 32),
     "Parent": (records.PARENT, 32),
 }

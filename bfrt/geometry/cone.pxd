@@ -57,9 +57,17 @@ cdef inline bint cone_root(double t, double shift, double s0, double ds, const S
     return False
 
 
-cdef inline bint cone_hit(const Cone* c, const Line* l, const Span* span,
-                          double* t) noexcept nogil:
-    """The smallest root in the span that lies between the discs.
+# Where a line meets a cone that has no ends: its roots, the smaller first, counted from `shift`,
+# and where the way along the axis begins (0 at the base, 1 at the apex) and how it grows.
+cdef struct ConeRoots:
+    double roots[2]
+    double shift
+    double s0
+    double ds
+
+
+cdef inline bint cone_roots(const Cone* c, const Line* l, ConeRoots* r) noexcept nogil:
+    """Find the roots; false where there is none.
 
     With p and v the parts of position and direction across the axis, and r and r' the radius and
     its change along the ray, the surface is |p + t v| = r + t r'. Its discriminant
@@ -90,10 +98,32 @@ cdef inline bint cone_hit(const Cone* c, const Line* l, const Span* span,
     second = (dot(p, p) - r0 * r0) / q
     if second < first:
         first, second = second, first
-    return (
-        cone_root(first, shift, s0, ds, span, t)
-        or cone_root(second, shift, s0, ds, span, t)
+    r.roots[0], r.roots[1] = first, second
+    r.shift, r.s0, r.ds = shift, s0, ds
+    return True
+
+
+cdef inline bint cone_hit(const Cone* c, const Line* l, const Span* span,
+                          double* t) noexcept nogil:
+    """The smallest root in the span that lies between the discs."""
+    cdef ConeRoots r
+    return cone_roots(c, l, &r) and (
+        cone_root(r.roots[0], r.shift, r.s0, r.ds, span, t)
+        or cone_root(r.roots[1], r.shift, r.s0, r.ds, span, t)
     )
+
+
+cdef inline int cone_crossings(const Cone* c, const Line* l, const Span* span,
+                               double* t) noexcept nogil:
+    """All of them, up to two, ascending; a tangent has one. How many they are."""
+    cdef ConeRoots r
+    cdef int n = 0
+    if not cone_roots(c, l, &r):
+        return 0
+    n += cone_root(r.roots[0], r.shift, r.s0, r.ds, span, &t[n])
+    if r.roots[0] != r.roots[1]:
+        n += cone_root(r.roots[1], r.shift, r.s0, r.ds, span, &t[n])
+    return n
 
 
 cdef inline Vec cone_normal(const Cone* c, Vec p) noexcept nogil:

@@ -3,11 +3,13 @@
 from libc.stdint cimport uint32_t
 
 from bfrt.geometry.box cimport Box, Span
-from bfrt.geometry.cone cimport Cone, cone_bounds, cone_hit, cone_load, cone_normal
+from bfrt.geometry.cone cimport Cone, cone_bounds, cone_crossings, cone_hit, cone_load, cone_normal
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.patch cimport Patch, patch_load, patch_normal
 from bfrt.geometry.polygon cimport Polygon, polygon_bounds, polygon_hit, polygon_load
-from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_hit, sphere_load, sphere_normal
+from bfrt.geometry.sphere cimport (
+    Sphere, sphere_bounds, sphere_crossings, sphere_hit, sphere_load, sphere_normal,
+)
 from bfrt.geometry.triangle cimport (
     Barycentric, Triangle, triangle_bounds, triangle_cut, triangle_hit, triangle_load,
     triangle_normal,
@@ -91,6 +93,21 @@ cdef inline void shape_meet(const Shape* s, Meeting* meetings, int n) noexcept n
         meet(<Hitter>triangle_hit, &s.of.patch.face, meetings, n)
     else:
         meet(<Hitter>polygon_hit, &s.of.polygon, meetings, n)
+
+
+cdef inline int shape_crossings(const Shape* s, const Line* l, const Span* span,
+                                double* t) noexcept nogil:
+    """All hits in the span, ascending: two of a sphere or a cone at the most, else one. How many
+    they are."""
+    if s.kind == SPHERE:
+        return sphere_crossings(&s.of.sphere, l, span, t)
+    if s.kind == CONE:
+        return cone_crossings(&s.of.cone, l, span, t)
+    if s.kind == TRIANGLE:
+        return triangle_hit(&s.of.triangle, l, span, t)
+    if s.kind == PATCH:
+        return triangle_hit(&s.of.patch.face, l, span, t)
+    return polygon_hit(&s.of.polygon, l, span, t)
 
 
 cdef inline void shape_surface(const Shape* s, const Line* l, double t,

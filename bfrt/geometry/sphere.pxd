@@ -23,9 +23,8 @@ cdef inline void sphere_bounds(const Sphere* s, Box* b) noexcept nogil:
     box_between(b, vec(s.c.x - r, s.c.y - r, s.c.z - r), vec(s.c.x + r, s.c.y + r, s.c.z + r))
 
 
-cdef inline bint sphere_hit(const Sphere* s, const Line* l, const Span* span,
-                            double* t) noexcept nogil:
-    """The smallest root in the span.
+cdef inline bint sphere_roots(const Sphere* s, const Line* l, double* roots) noexcept nogil:
+    """Where the line meets the surface, the smaller root first; false for nowhere.
 
     The discriminant is taken at the closest approach to the center, not as b^2 - 4ac, which
     cancels for a small sphere far away (Haines et al., Ray Tracing Gems, chapter 7). The product
@@ -45,13 +44,36 @@ cdef inline bint sphere_hit(const Sphere* s, const Line* l, const Span* span,
     far = q / a
     if near > far:
         near, far = far, near
-    if near > 0.0 and span.near <= near <= span.far:
-        t[0] = near
-        return True
-    if far > 0.0 and span.near <= far <= span.far:
-        t[0] = far
-        return True
+    roots[0], roots[1] = near, far
+    return True
+
+
+cdef inline bint sphere_hit(const Sphere* s, const Line* l, const Span* span,
+                            double* t) noexcept nogil:
+    """The smallest root in the span."""
+    cdef double roots[2]
+    cdef int k
+    if not sphere_roots(s, l, &roots[0]):
+        return False
+    for k in range(2):
+        if roots[k] > 0.0 and span.near <= roots[k] <= span.far:
+            t[0] = roots[k]
+            return True
     return False
+
+
+cdef inline int sphere_crossings(const Sphere* s, const Line* l, const Span* span,
+                                 double* t) noexcept nogil:
+    """All roots in the span, up to two, ascending; a tangent has one. How many they are."""
+    cdef double roots[2]
+    cdef int k, n = 0
+    if not sphere_roots(s, l, &roots[0]):
+        return 0
+    for k in range(1 if roots[0] == roots[1] else 2):
+        if roots[k] > 0.0 and span.near <= roots[k] <= span.far:
+            t[n] = roots[k]
+            n += 1
+    return n
 
 
 cdef inline Vec sphere_normal(const Sphere* s, Vec p) noexcept nogil:

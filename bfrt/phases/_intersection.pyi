@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,4 +14,6 @@ def intersect(
     lattice: Lattice,
     voxel_rays: VoxelRays,
     rays: NDArray[Any],
+    crossings: NDArray[Any] | None = None,
+    emit: Callable[[int], None] | None = None,
 ) -> tuple[int, int]: ...

@@ -10,13 +10,14 @@ from bfrt.geometry.lanes cimport (
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
 from bfrt.geometry.vector cimport vec
+from bfrt.phases.crossings cimport Found, cross, hand_over
 from bfrt.phases.nearby cimport rays_within
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, CROWD, VoxelRays, block_of, brick_word, covering_level, cube_word, entry_face,
     entry_ray, lower_of, lowest_bit, occupied, upper_at, uppers_of,
 )
-from bfrt.records cimport INDEX_BITS, Ray
+from bfrt.records cimport INDEX_BITS, Crossing, Ray
 from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, fetch
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
@@ -44,12 +45,23 @@ cdef struct Search:
     Lanes lanes
     int pending
     Meeting meetings[64]
+    Found* found           # all hits are wanted, or NULL: the nearest
     int64_t box_tests
     int64_t object_tests
 
 
+cdef int cross_pending(Search* s) except -1 nogil:
+    """Keep all hits."""
+    cdef int i
+    cdef Meeting* m
+    for i in range(s.pending):
+        m = &s.meetings[i]
+        cross(s.found, &s.shape, m, s.rays[m.mark].t, s.id)
+    return 0
+
+
 cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
-    """Intersect the object with the rays that met its box, and keep the nearest hits.
+    """Intersect the object with the rays that met its box, and keep the nearest hits, or all.
 
     Its geometry is fetched for the first of them (the paper's refinement G).
     """
@@ -61,8 +73,12 @@ cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
         record = fetch(w, s.place)
         shape_load(w.kind, record, w.count, &w.frame, &s.shape)
         s.loaded = True
-    shape_meet(&s.shape, &s.meetings[0], s.pending)
     s.object_tests += s.pending
+    if s.found != NULL:
+        cross_pending(s)
+        s.pending = 0
+        return 0
+    shape_meet(&s.shape, &s.meetings[0], s.pending)
     for i in range(s.pending):
         m = &s.meetings[i]
         r = &s.rays[m.mark]
@@ -280,7 +296,7 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
 
 
 def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelRays voxel_rays,
-              Ray[::1] rays):
+              Ray[::1] rays, Crossing[::1] crossings=None, emit=None):
     """Test objects of a sweep against the rays stored in their voxels.
 
     Parameters
@@ -289,13 +305,23 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelR
         IN. First and end of runs of objects, ascending, in the sweep's window.
     rays : (active,) records.RAY
         IN, OUT: t and id become those of the nearest hit. Threads share them.
+    crossings : (room,) records.CROSSING, optional
+        Where all hits are wanted: a buffer. The rays stay as they are.
+    emit : callable, optional
+        Called with how many of them there are when it is full, and at the end.
 
     Returns
     -------
     box_tests, object_tests : int
     """
     cdef Search s
+    cdef Found found
     cdef int64_t k
+    s.found = NULL
+    if crossings is not None:
+        found.crossings, found.n, found.room = &crossings[0], 0, crossings.shape[0]
+        found.emit = <void*>emit
+        s.found = &found
     s.grid = &lattice.grid
     sides_of(s.grid, &s.sides)
     s.rays = &rays[0]
@@ -308,4 +334,6 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelR
                 meet_block(
                     &s, sweep, voxel_rays, advance_block(sweep, ranges[k, 1] - sweep.index)
                 )
+        if s.found != NULL:
+            hand_over(s.found)
     return s.box_tests, s.object_tests

@@ -16,7 +16,7 @@ def admit(
     first: int,
     last: int,
     lattice: Lattice,
-    outliers: Outliers,
+    outliers: Outliers | None,
 ) -> tuple[int, int, int]: ...
 def admit_again(
     partial: NDArray[Any],
@@ -26,7 +26,7 @@ def admit_again(
     first: int,
     last: int,
     lattice: Lattice,
-    outliers: Outliers,
+    outliers: Outliers | None,
 ) -> tuple[int, int, int]: ...
 def arrange(
     rays: NDArray[Any],
@@ -61,7 +61,7 @@ def settle(
     first: int,
     last: int,
     lattice: Lattice,
-    film: Film,
+    film: Film | None,
     background: NDArray[np.float64],
     hits: NDArray[Any],
     last_group: bool = True,

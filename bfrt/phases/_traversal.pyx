@@ -112,7 +112,8 @@ cdef inline void come_in(Ray* r, Lattice lattice, Outliers outliers, int64_t* bo
     """Test a ray against the outliers, and bring it to where it first meets the grid."""
     cdef Line line = ray_line(r)
     cdef Walk w
-    meet_outliers(outliers, r, &line, lattice.grow, box_tests, object_tests)
+    if outliers is not None:
+        meet_outliers(outliers, r, &line, lattice.grow, box_tests, object_tests)
     if walk_start(&w, &lattice.grid, &line) and w.enter <= r.t:
         r.voxel = w.voxel
         r.face = <uint8_t>w.face
@@ -130,6 +131,8 @@ def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base
         OUT from `base` on, ray for ray. Where a ray does not meet the grid, voxel is NOWHERE.
     first, last : int
         The part of `queued` to do.
+    outliers : Outliers or None
+        None where all hits are wanted, which `cross_outliers` finds.
 
     Returns
     -------
@@ -383,7 +386,7 @@ cdef inline void finish_miss(const Ray* r, const Path* p, Film film,
 
 
 def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice lattice,
-           Film film, const double[::1] background, Hit[::1] hits, bint last_group=True):
+           Film film, const double[::1] background, Hit[::1] hits, bint shaded=True):
     """Let complete rays of a part go, and close its ranks.
 
     Parameters
@@ -391,8 +394,8 @@ def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice 
     rays, paths : (capacity,)
         IN, OUT: those of [first, last) that stay are at its front.
     hits : (last - first or more,) records.HIT
-        OUT: intersections to be shaded; before the last group all rays, with the nearest hit so
-        far. Shadow rays that have met something end in any group.
+        OUT: intersections that are to be shaded; where they are not, all rays, with the nearest
+        hit so far. Shadow rays that have met something end anyway.
 
     Returns
     -------
@@ -409,7 +412,7 @@ def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice 
                     rays[kept] = r[0]
                     paths[kept] = paths[i]
                 kept += 1
-            elif last_group and r.id == NO_HIT:
+            elif shaded and r.id == NO_HIT:
                 finish_miss(r, &paths[i], film, &background[0])
             elif r.kind != SHADOW or r.id == NO_HIT:
                 finish_hit(r, &paths[i], &hits[n])

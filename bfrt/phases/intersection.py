@@ -24,7 +24,7 @@ def intersect_all(
     flight: Flight,
     counters: Counters,
 ) -> int:
-    """Update the nearest hit of every ray that is stored in a voxel.
+    """Update the nearest hit of every ray that is stored in a voxel, or find all.
 
     Parameters
     ----------
@@ -41,7 +41,8 @@ def intersect_all(
     phase = counters.phases.intersection
 
     def meet(sweep: Sweep, ranges: NDArray[np.int64]) -> None:
-        tallies.append(intersect(sweep, ranges, flight.lattice, voxel_rays, rays))
+        crossings = () if flight.crossings is None else flight.crossings.buffer()
+        tallies.append(intersect(sweep, ranges, flight.lattice, voxel_rays, rays, *crossings))
 
     if selections is None:
         swept = boxes = sweep_all(objects, meet)

@@ -9,7 +9,13 @@ from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 
 import numpy as np
 
-from bfrt.geometry.shape cimport shape_bounds, shape_load
+from libc.stdint cimport int64_t, uint32_t
+
+from bfrt.geometry.box cimport box_span
+from bfrt.geometry.shape cimport Meeting, shape_bounds, shape_load
+from bfrt.phases.crossings cimport Found, cross, hand_over
+from bfrt.phases.nearest cimport ray_bad, ray_line
+from bfrt.records cimport Crossing, Ray
 from bfrt.scene.sweep cimport Sweep, advance
 from bfrt.records import INDEX_BITS
 from bfrt.scene.sweep import Sweep as SweepType
@@ -54,3 +60,39 @@ cdef class Outliers:
 
     def __dealloc__(self):
         PyMem_RawFree(self.outliers)
+
+
+def cross_outliers(Outliers outliers, const Ray[::1] rays, int64_t first, int64_t last,
+                   double grow, Crossing[::1] crossings, emit):
+    """Find where rays cross outliers: all hits, not only the nearest.
+
+    Parameters
+    ----------
+    rays : (n,) records.RAY
+        IN. Those of [first, last).
+    grow : float
+        DESIGN's d.
+    crossings, emit
+        As for `intersect`, and what is returned.
+    """
+    cdef Found found
+    cdef Meeting m
+    cdef const Outlier* out
+    cdef int64_t i, box_tests = 0, object_tests = 0
+    cdef int k
+    found.crossings, found.n, found.room = &crossings[0], 0, crossings.shape[0]
+    found.emit = <void*>emit
+    with nogil:
+        for i in range(first, last):
+            if ray_bad(&rays[i]):
+                continue
+            m.line = ray_line(&rays[i])
+            m.mark = <uint32_t>i
+            for k in range(outliers.count):
+                out = &outliers.outliers[k]
+                box_tests += 1
+                if box_span(&out.box, grow, &m.line, &m.span):
+                    object_tests += 1
+                    cross(&found, &out.shape, &m, rays[i].t, out.id)
+        hand_over(&found)
+    return box_tests, object_tests

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bfrt.budget import Capacities, emit_room
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
+from bfrt.phases.picking import each_hit, gathered
 from bfrt.records import HIT, INDEX_BITS, QUEUED, plain
 from bfrt.scene.objects import Objects
 from bfrt.scene.store import Store
@@ -27,10 +28,6 @@ from bfrt.streams.spool import Spool
 def light_intensity(lights: int) -> float:
     """sqrt(n) / (2 n), for each of n lights and for the ambient one: the SPD text's formula."""
     return math.sqrt(lights) / (2 * lights) if lights else 1.0
-
-
-#: Objects that are hit, of which a thread takes so many at once.
-PICKED = 2048
 
 
 class Shading:
@@ -73,18 +70,9 @@ class Shading:
     ) -> None:
         """Shade all hits, on objects of all groups; the next depth's rays go to `queue`."""
         while len(hits):
-            chunk = self._gather(hits)
+            chunk = gathered(hits, self._capacity)
             chunk = plain(chunk)[np.argsort(chunk["id"])].view(HIT)
             self._sweep(groups, chunk, queue.append, last, counters)
-
-    def _gather(self, hits: Spool) -> NDArray[Any]:
-        """Hits that fill memory."""
-        parts = []
-        room = self._capacity
-        while len(hits) and room:
-            parts.append(hits.read(room))
-            room -= len(parts[-1])
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _sweep(
         self,
@@ -106,9 +94,12 @@ class Shading:
             a, b = np.searchsorted(ids, np.array([stream + first, stream + last], np.uint64))
             shaders[worker].shade(sweep, last - first, hits[a:b], last_depth)
 
+        def pick(worker: int, sweep: Sweep, a: int, b: int) -> None:
+            shaders[worker].shade_picked(sweep, hits[a:b], last_depth)
+
         for objects in groups:
             if objects.lazy:
-                self._pick(objects, hits, ids, shaders, last_depth)
+                each_hit(objects, ids, pick)
                 counters.sweep(0, objects)
             else:
                 counters.sweep(objects.each(loop), objects)
@@ -118,36 +109,3 @@ class Shading:
             counters.rays.reflection += shader.reflection
             counters.rays.refraction += shader.refraction
             counters.rays.shadow += shader.shadow
-
-    def _pick(
-        self,
-        objects: Objects,
-        hits: NDArray[Any],
-        ids: NDArray[np.uint64],
-        shaders: list[Shader],
-        last_depth: bool,
-    ) -> None:
-        """Shade hits with only those objects read that are hit (the paper's refinement G)."""
-        for stream in objects.group.streams:
-            numbers = np.array([stream.number, stream.number + 1], np.uint64) << np.uint64(
-                INDEX_BITS
-            )
-            begin, end = np.searchsorted(ids, numbers)
-            own = (ids[begin:end] - numbers[0]).astype(np.int64)
-            starts = np.flatnonzero(np.diff(own, prepend=-1))  # of each object's hits
-            ranges = own[starts, None] + np.array([0, 1])
-            starts = np.append(starts, len(own)) + begin
-
-            def some(
-                worker: int,
-                sweep: Sweep,
-                a: int,
-                b: int,
-                starts: NDArray[np.int64] = starts,
-                ranges: NDArray[np.int64] = ranges,
-            ) -> None:
-                sweep.material_window(int(ranges[a, 0]), int(ranges[b - 1, 1]))
-                shaders[worker].shade_picked(sweep, hits[starts[a] : starts[b]], last_depth)
-
-            objects.begin(stream)
-            objects.some(stream, ranges, some, together=PICKED)

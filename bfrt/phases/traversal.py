@@ -23,12 +23,12 @@ from bfrt.phases._traversal import (
     settle,
     walk,
 )
-from bfrt.phases.outliers import Outliers
+from bfrt.phases.crossings import Crossings
+from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import HIT, PATH, RAY
 from bfrt.stats import Counters
-from bfrt.streams.spool import Spool
 from bfrt.workers import Workers
 
 #: Candidates of a ray in the pass it enters with (measured: 1 to 4 are equally good).
@@ -56,6 +56,12 @@ class Queue(Protocol):
     def read(self, most: int) -> NDArray[Any]: ...
 
 
+class Sink(Protocol):
+    """Where complete rays go: a spool, or what takes them at once; by any thread."""
+
+    def append(self, records: NDArray[Any]) -> None: ...
+
+
 class Ground(NamedTuple):
     """What rays go through: one group's grid."""
 
@@ -69,17 +75,18 @@ class Ends(NamedTuple):
 
     Attributes
     ----------
-    hits : Spool
-        Intersections, for the shading; before the last group all rays, for the next one.
-    film : Film
+    hits : Sink
+        Intersections, for the shading; before the last group all rays, for the next one; without a
+        film all rays, whether they have met something or not.
+    film : Film or None
         The light of shadow rays that met nothing, and the background of others.
     background : ndarray of float64, shape (3,)
     last : bool
         Whether this is the last group.
     """
 
-    hits: Spool
-    film: Film
+    hits: Sink
+    film: Film | None
     background: NDArray[np.float64]
     last: bool
 
@@ -91,9 +98,12 @@ class Flight:
     ----------
     capacity : int
         Rays at the most. All memory is taken here.
+    crossings : Crossings, optional
+        What takes all hits of each ray, where not only the nearest is wanted.
     """
 
-    def __init__(self, capacity: int, workers: Workers) -> None:
+    def __init__(self, capacity: int, workers: Workers, crossings: Crossings | None = None) -> None:
+        self.crossings = crossings
         self.active = 0
         self.bad = 0
         self._quota = FIRST_QUOTA
@@ -103,6 +113,8 @@ class Flight:
         self._order = np.empty(capacity, np.uint32)
         self._left = np.empty(capacity, np.uint32)
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
+        if crossings is not None:
+            crossings.fly(self._rays, self._paths)
 
     def enter(self, ground: Ground) -> None:
         """Come into a group's grid, with no ray yet."""
@@ -139,11 +151,22 @@ class Flight:
         rays = queue.read(min(ADMITTED, len(self._rays) - base))
         come = admit_again if rays.dtype == HIT else admit
         tallies: list[tuple[int, int, int]] = []
+        outliers = self._outliers if self.crossings is None else None
 
         def chunk(_: int, first: int, last: int) -> None:
             tallies.append(
-                come(rays, self._rays, self._paths, base, first, last, self.lattice, self._outliers)
+                come(rays, self._rays, self._paths, base, first, last, self.lattice, outliers)
             )
+            if self.crossings is not None:
+                tests = cross_outliers(
+                    self._outliers,
+                    self._rays,
+                    base + first,
+                    base + last,
+                    self.lattice.grow,
+                    *self.crossings.buffer(),
+                )
+                tallies.append((*tests, 0))
 
         self._workers.run(chunk, len(rays), smallest=FEWEST)
         self.active += len(rays)
@@ -223,6 +246,7 @@ class Flight:
     def settle(self, ends: Ends, counters: Counters, base: int = 0) -> int:
         """Let complete rays go, from `base` on; returns how many of them are finished."""
         before = self.active
+        shaded = ends.last and ends.film is not None
         passed = 0
         parts: list[tuple[int, int]] = []
 
@@ -238,7 +262,7 @@ class Flight:
                 ends.film,
                 ends.background,
                 found,
-                ends.last,
+                shaded,
             )
             ends.hits.append(found[:n])
             parts.append((first, kept))
@@ -246,9 +270,9 @@ class Flight:
 
         tallies: list[tuple[int, int]] = []
         self._workers.run(chunk, before - base, smallest=FEWEST, largest=SETTLED)
-        if ends.last:
+        if shaded:
             counters.rays.eye_hits += sum(eye_hits for _, eye_hits in tallies)
-        else:
+        if not ends.last:
             passed = sum(n for n, _ in tallies)
         if parts:
             firsts, counts = np.array(sorted(parts), np.int64).T.copy()

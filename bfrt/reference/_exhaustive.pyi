@@ -21,3 +21,10 @@ def meet(
     t: NDArray[np.float64],
     ids: NDArray[np.uint64],
 ) -> None: ...
+def cross(
+    sweep: Sweep,
+    n: int,
+    grow: float,
+    rays: NDArray[np.float64],
+    found: list[tuple[int, float, int]],
+) -> None: ...

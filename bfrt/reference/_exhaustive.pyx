@@ -5,7 +5,9 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, box_span
 from bfrt.geometry.far cimport Bounds, advance_far
-from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
+from bfrt.geometry.shape cimport (
+    Meeting, Shape, shape_bounds, shape_crossings, shape_load, shape_meet,
+)
 from bfrt.geometry.vector cimport Line, line, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport INDEX_BITS, Ray
@@ -141,3 +143,35 @@ def meet(Sweep sweep, int64_t n, double grow, const double[:, ::1] rays, double[
                     pending = 0
             shape_meet(&shape, &met[0], pending)
             settle(&met[0], pending, id, &nearest)
+
+
+def cross(Sweep sweep, int64_t n, double grow, const double[:, ::1] rays, list found):
+    """Find all hits of the next n objects of a sweep with every ray.
+
+    Parameters
+    ----------
+    grow, rays
+        As for `meet`.
+    found : list of (int, float, int)
+        OUT. Which ray, t, id.
+    """
+    cdef const Line* ray
+    cdef Meeting m
+    cdef Shape shape
+    cdef Box box
+    cdef double t[2]
+    cdef uint64_t id
+    cdef int64_t k
+    cdef int i
+    for _ in range(n):
+        id = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
+        advance(sweep)
+        if not shape_load(sweep.kind, sweep.record, sweep.count, &sweep.frame, &shape):
+            continue
+        shape_bounds(&shape, &box)
+        for k in range(rays.shape[0]):
+            ray = <const Line*>&rays[k, 0]
+            if ray.o.x != ray.o.x or not box_span(&box, grow, ray, &m.span):
+                continue
+            for i in range(shape_crossings(&shape, ray, &m.span, &t[0])):
+                found.append((k, t[i], id))

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SettingError
 from bfrt.phases.preprocess import growth
 from bfrt.records import NO_HIT
-from bfrt.reference._exhaustive import bring_near, lines, meet
+from bfrt.reference._exhaustive import bring_near, cross, lines, meet
 from bfrt.scene.store import Store
 from bfrt.scene.sweep import Sweep
 from bfrt.workers import Workers
@@ -113,6 +113,34 @@ def occluded(
         nearest(store, origins, directions, t_max, threads=threads)[0]
     )
     return dark
+
+
+def crossings(
+    store: Store, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf
+) -> tuple[NDArray[np.int64], Array, Ids]:
+    """All hits of each ray, ordered by ray, t and id; all as for `nearest`.
+
+    Returns
+    -------
+    ray : (m,) int64
+    t : (m,) float64
+    id : (m,) uint64
+    """
+    start, way = _rays(origins, directions)
+    near, moved = advanced(store, start, way)
+    rays = np.empty((len(start), LINE_DOUBLES))
+    lines(near, way, rays)
+    found: list[tuple[int, float, int]] = []
+    for stream in store.streams:
+        sweep = Sweep(stream, store.origin, np.empty(0, np.int64), READ_BUFFER)
+        sweep.window(0, stream.count)
+        cross(sweep, stream.count, growth(store), rays, found)
+    ray = np.array([f[0] for f in found], np.int64)
+    t = np.array([f[1] for f in found], np.float64) + moved[ray]
+    ids = np.array([f[2] for f in found], np.uint64)
+    order = np.lexsort((ids, t, ray))
+    before = order[(t < np.broadcast_to(np.asarray(t_max, np.float64), len(start))[ray])[order]]
+    return ray[before], t[before], ids[before]
 
 
 def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:

@@ -1,0 +1,119 @@
+"""Rays as somebody gives them, and the surfaces that they hit."""
+
+from libc.math cimport INFINITY, isfinite, isnan, nextafter
+from libc.stdint cimport int64_t, uint64_t
+
+from bfrt.geometry.far cimport Bounds, advance_far
+from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
+from bfrt.geometry.vector cimport Line, along, length, line, vec
+from bfrt.phases.nearest cimport ray_bad
+from bfrt.records cimport INDEX_BITS, NO_HIT, Asked, Ray
+from bfrt.scene.sweep cimport Sweep, pick
+
+
+cdef inline double end_of(double t_max, double moved) noexcept nogil:
+    """Where a moved ray ends: a t that with `moved` is less than t_max, by as little as can be."""
+    cdef double t = t_max - moved
+    if not isfinite(t):
+        return t
+    if t + moved >= t_max:
+        t = nextafter(t_max, -INFINITY) - moved
+    while t + moved >= t_max:  # which rounding may have brought up again
+        t = nextafter(t, -INFINITY)
+    return t
+
+
+def ask(const double[:, ::1] origins, const double[:, ::1] directions, const double[::1] t_min,
+        const double[::1] t_max, origin, const double[:, ::1] bounds, uint64_t first, int kind,
+        Asked[::1] out):
+    """Make the records of rays.
+
+    Parameters
+    ----------
+    origins, directions : (n, 3) float64
+        IN. World coordinates.
+    t_min, t_max : (n,) float64
+        IN. Hits count in [t_min, t_max): a ray begins at its t_min.
+    origin : sequence of 3 float
+        The store's.
+    bounds : (2, 3) float64
+        IN. The scene's, relative to the store's origin.
+    first : int
+        The first ray's number; the others' follow.
+    kind : int
+        What rays of theirs are.
+    out : (n,) records.ASKED
+        OUT. Far origins are brought nearer (exactness rule 6); `moved` is the t of that.
+
+    Returns
+    -------
+    bad : int
+        Rays that are NaN, infinite or of no length, and such that have a NaN for an end. They hit
+        nothing.
+    """
+    cdef Bounds b
+    cdef Line l
+    cdef Ray r
+    cdef Asked* a
+    cdef double x = origin[0], y = origin[1], z = origin[2]
+    cdef int64_t i, bad = 0
+    cdef int k
+    for k in range(3):
+        b.lo[k] = bounds[0, k]
+        b.hi[k] = bounds[1, k]
+    b.diagonal = length(vec(b.hi[0] - b.lo[0], b.hi[1] - b.lo[1], b.hi[2] - b.lo[2]))
+    with nogil:
+        for i in range(out.shape[0]):
+            a = &out[i]
+            a.number, a.kind, a.count = first + <uint64_t>i, kind, 0
+            a.id, a.moved = NO_HIT, 0.0
+            l = line(
+                vec(origins[i, 0] - x, origins[i, 1] - y, origins[i, 2] - z),
+                vec(directions[i, 0], directions[i, 1], directions[i, 2]),
+            )
+            if t_min[i] != 0.0:
+                l.o = along(l.o, l.d, t_min[i])
+                a.moved = t_min[i]
+            r.ox, r.oy, r.oz = l.o.x, l.o.y, l.o.z
+            r.dx, r.dy, r.dz = l.d.x, l.d.y, l.d.z
+            if ray_bad(&r) or isnan(t_max[i]):
+                bad += 1
+                l.d = vec(0.0, 0.0, 0.0)
+                a.t = -1.0
+            else:
+                a.moved += advance_far(&l, &b)
+                a.t = end_of(t_max[i], a.moved)
+            a.ox, a.oy, a.oz = l.o.x, l.o.y, l.o.z
+            a.dx, a.dy, a.dz = l.d.x, l.d.y, l.d.z
+    return bad
+
+
+def surfaces(Sweep sweep, const Asked[::1] hits, float[:, ::1] normals, float[:, ::1] uvs):
+    """The surfaces at hits of a sweep's window; only the objects that are hit are read.
+
+    Parameters
+    ----------
+    hits : (n,) records.ASKED
+        IN. Ascending by id.
+    normals, uvs : (n, 3), (n, 2) float32
+        OUT. Unit geometric normals; barycentric u and v of triangles and patches, else 0.
+    """
+    cdef int64_t i
+    cdef uint64_t id = NO_HIT
+    cdef const Asked* h
+    cdef const unsigned char* record
+    cdef Shape shape
+    cdef Surface s
+    cdef Line l
+    with nogil:
+        for i in range(hits.shape[0]):
+            h = &hits[i]
+            if h.id != id:
+                id = h.id
+                record = pick(sweep, <int64_t>(id & ((<uint64_t>1 << INDEX_BITS) - 1)))
+                shape_load(sweep.kind, record, sweep.count, &sweep.frame, &shape)
+            l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
+            shape_surface(&shape, &l, h.t, &s)
+            normals[i, 0], normals[i, 1] = <float>s.geometric.x, <float>s.geometric.y
+            normals[i, 2] = <float>s.geometric.z
+            uvs[i, 0], uvs[i, 1] = <float>s.uv.u, <float>s.uv.v

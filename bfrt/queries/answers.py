@@ -1,0 +1,179 @@
+"""Answers in the order of their rays, which come in any: sorted by parts where memory ends."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from bfrt.errors import SettingError
+from bfrt.phases.picking import gathered
+from bfrt.records import plain
+from bfrt.streams.aside import aside, refused
+from bfrt.streams.spool import Spool
+
+#: Parts that records are sorted into at once; each that memory does not hold is a file.
+PARTS = 64
+
+#: Rows of an answer that are put together at once.
+ROWS = 65536
+
+#: Where answers go: arrays by their keys, or the folder of .npy files that is made.
+Out = Mapping[str, NDArray[Any]] | str | os.PathLike[str]
+
+
+def ordered(records: Spool, rays: int, room: int, scratch: Path) -> Iterator[NDArray[Any]]:
+    """The records of a spool, by the numbers of their rays, [0, rays).
+
+    Records have a ``number``; those that have ``t`` and ``key`` are sorted by these then. No more
+    than `room` of them are in memory at once, unless they are one ray's.
+    """
+    yield from _ordered(records, 0, rays, room, scratch)
+
+
+def _ordered(
+    records: Spool, first: int, last: int, room: int, scratch: Path
+) -> Iterator[NDArray[Any]]:
+    if len(records) <= room or last - first <= 1:
+        if len(records):
+            yield _sorted(gathered(records, len(records)))
+        return
+    width = -(-(last - first) // PARTS)
+    parts = [Spool(records.dtype, 0, scratch) for _ in range(0, last - first, width)]
+    try:
+        while len(records):
+            some = records.read(room)
+            where = ((some["number"] - np.uint64(first)) // np.uint64(width)).astype(np.intp)
+            for number in np.unique(where):
+                parts[number].append(some[where == number])
+        records.clear()
+        for number, part in enumerate(parts):
+            begin = first + number * width
+            yield from _ordered(part, begin, min(last, begin + width), room, scratch)
+            part.clear()
+    finally:
+        for part in parts:
+            part.close()
+
+
+def _sorted(records: NDArray[Any]) -> NDArray[Any]:
+    keys = [records["number"]]
+    if "key" in (records.dtype.names or ()):
+        keys = [records["key"], records["t"], *keys]
+    order = np.lexsort(keys)
+    return plain(records)[order].view(records.dtype)
+
+
+def rows(
+    records: Iterator[NDArray[Any]], rays: int, missed: NDArray[Any]
+) -> Iterator[NDArray[Any]]:
+    """One record for each ray, in order: its own, or `missed`, (1,), where it has none."""
+    done = 0
+    for some in records:
+        numbers = some["number"].astype(np.int64)
+        end = int(numbers[-1]) + 1
+        for first in range(done, end, ROWS):
+            last = min(end, first + ROWS)
+            block = np.repeat(missed, last - first)
+            a, b = np.searchsorted(numbers, [first, last])
+            plain(block)[numbers[a:b] - first] = plain(some[a:b])
+            yield block
+        done = end
+    for first in range(done, rays, ROWS):
+        yield np.repeat(missed, min(rays - first, ROWS))
+
+
+#: Of each key of an answer its dtype and the shape of a row.
+Fields = Mapping[str, tuple[Any, tuple[int, ...]]]
+
+
+def check_out(fields: Fields, count: int | None, out: Out | None) -> None:
+    """Refuse arrays that an answer of `count` rows, where that is known, does not fit.
+
+    Raises
+    ------
+    SettingError
+        If there are some.
+    """
+    for key, array in out.items() if isinstance(out, Mapping) else ():
+        if key not in fields:
+            raise SettingError(f"out: found {key!r}, expected some of {', '.join(fields)}")
+        dtype, shape = fields[key]
+        expected = (len(array) if count is None else count, *shape)
+        if array.shape != expected or array.dtype != np.dtype(dtype):
+            raise SettingError(
+                f"out: found {key} of {array.dtype} and shape {array.shape}, "
+                f"expected {np.dtype(dtype)} of shape {expected}"
+            )
+
+
+class Columns:
+    """The arrays of an answer as they are filled, row by row: new, the caller's, or files.
+
+    Parameters
+    ----------
+    fields : mapping
+        Of each key its dtype and the shape of a row.
+    out : mapping or path-like, optional
+        Arrays to fill, some of the keys or all; or a folder, which gets a file ``KEY.npy`` each,
+        that is whole or not there.
+    """
+
+    def __init__(self, fields: Fields, count: int, out: Out | None) -> None:
+        check_out(fields, count, out)
+        self._shapes = {key: ((count, *shape), dtype) for key, (dtype, shape) in fields.items()}
+        self._folder = Path(out) if isinstance(out, (str, os.PathLike)) else None
+        self._files: dict[str, BinaryIO] = {}
+        self._stack = ExitStack()
+        self._done = 0
+        given = out if isinstance(out, Mapping) else {}
+        self._arrays = dict(given)
+        if self._folder is None:
+            for key, (shape, dtype) in self._shapes.items():
+                if key not in given:
+                    self._arrays[key] = np.empty(shape, dtype)
+
+    def __enter__(self) -> Columns:
+        if self._folder is not None:
+            try:
+                self._folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise refused(self._folder, 0, error, "creating") from error
+            for key, (shape, dtype) in self._shapes.items():
+                path = self._stack.enter_context(aside(self._folder / f"{key}.npy"))
+                file = self._stack.enter_context(path.open("wb"))
+                descr = npy.dtype_to_descr(np.dtype(dtype))
+                header = {"descr": descr, "fortran_order": False, "shape": shape}
+                npy.write_array_header_1_0(file, header)
+                self._files[key] = file
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._stack.__exit__(*error)
+
+    def put(self, block: Mapping[str, NDArray[Any]]) -> None:
+        """Take the next rows."""
+        n = len(next(iter(block.values())))
+        for key, values in block.items():
+            if key in self._files:
+                dtype = self._shapes[key][1]
+                try:
+                    self._files[key].write(np.ascontiguousarray(values, dtype).tobytes())
+                except OSError as error:
+                    assert self._folder is not None
+                    raise refused(self._folder / f"{key}.npy", 0, error, "writing") from error
+            else:
+                self._arrays[key][self._done : self._done + n] = values
+        self._done += n
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What was filled; files are mapped."""
+        if self._folder is None:
+            return self._arrays
+        return {key: np.load(self._folder / f"{key}.npy", mmap_mode="r") for key in self._shapes}

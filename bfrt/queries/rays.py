@@ -1,0 +1,137 @@
+"""Rays as they are given: arrays, memory maps, .npy files or blocks; as a queue of records."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bfrt.errors import SettingError
+from bfrt.queries._rays import ask
+from bfrt.records import ASKED, HIT, RayKind
+from bfrt.scene.store import Store
+
+#: Rays that are taken from an array at once.
+BLOCK = 65536
+
+Block = tuple[NDArray[Any], NDArray[Any], NDArray[np.float64], NDArray[np.float64]]
+
+#: What rays may be given as.
+Given = ArrayLike | str | os.PathLike[str] | Iterable[tuple[ArrayLike, ArrayLike]]
+
+
+class AskedRays:
+    """A queue of rays, made into records as they are taken.
+
+    Attributes
+    ----------
+    bad : int
+        Rays taken so far that are NaN, infinite or of no length.
+    taken : int
+        Rays taken so far.
+    """
+
+    def __init__(self, store: Store, blocks: Iterator[Block], kind: RayKind) -> None:
+        self.bad = self.taken = 0
+        self._origin = store.origin
+        empty = store.bounds.empty
+        self._bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
+        self._blocks = blocks
+        self._kind = kind
+        self._at = 0
+        self._block: Block | None = None
+        self._next()
+
+    def _next(self) -> None:
+        """Come to the next block that has rays."""
+        self._at = 0
+        self._block = next((block for block in self._blocks if len(block[0])), None)
+
+    def __len__(self) -> int:
+        """Rays of the current block that wait: 0 when there are no more at all."""
+        return 0 if self._block is None else len(self._block[0]) - self._at
+
+    def read(self, most: int) -> NDArray[Any]:
+        """The next rays, (n,) of records.HIT with n <= most, whose paths are those of ASKED."""
+        n = min(most, len(self))
+        out = np.empty(n, ASKED)
+        if self._block is not None:
+            part = slice(self._at, self._at + n)
+            o, d, near, far = [np.ascontiguousarray(c[part], np.float64) for c in self._block]
+            self.bad += ask(
+                o, d, near, far, self._origin, self._bounds, self.taken, self._kind, out
+            )
+            self.taken += n
+            self._at += n
+            if self._at == len(self._block[0]):
+                self._next()
+        return out.view(HIT)
+
+
+def rays_of(
+    origins: Given, directions: Given | None, t_min: ArrayLike, t_max: ArrayLike
+) -> tuple[Iterator[Block], int | None]:
+    """The blocks of rays that were given, and how many rays they are where that is known."""
+    if directions is None:
+        return _given_blocks(origins, t_min, t_max), None
+    o, d = _rows("origins", origins), _rows("directions", directions)
+    if o.shape != d.shape:
+        raise SettingError(
+            f"rays: found origins {o.shape} and directions {d.shape}, expected one shape (n, 3)"
+        )
+    near, far = _column("t_min", t_min, len(o)), _column("t_max", t_max, len(o))
+
+    def blocks() -> Iterator[Block]:
+        for first in range(0, len(o), BLOCK):
+            part = slice(first, first + BLOCK)
+            yield o[part], d[part], near[part], far[part]
+
+    return blocks(), len(o)
+
+
+def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Block]:
+    if isinstance(given, (np.ndarray, str, os.PathLike)) or not isinstance(given, Iterable):
+        raise SettingError("directions: found none, expected them, or blocks in place of origins")
+    if np.ndim(t_min) or np.ndim(t_max):
+        raise SettingError("rays: found blocks with an array of t, expected one t_min and t_max")
+    for block in given:
+        try:
+            o, d = block
+        except (TypeError, ValueError):
+            raise SettingError("rays: found a block, expected origins and directions") from None
+        parts, _ = rays_of(o, d, t_min, t_max)
+        yield from parts
+
+
+def _rows(name: str, given: Any) -> NDArray[Any]:
+    """An array (n, 3) of float32 or float64; a file's is mapped, not read."""
+    array: NDArray[Any]
+    if isinstance(given, (str, os.PathLike)):
+        try:
+            array = np.load(given, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError, EOFError) as error:
+            raise SettingError(
+                f"{os.fspath(given)}: expected an .npy file of {name}: {error}"
+            ) from None
+    else:
+        array = np.asarray(given)
+    if array.ndim == 2 and array.shape[1] == 3 and array.dtype.kind in "iu":
+        array = array.astype(np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype not in (np.float32, np.float64):
+        raise SettingError(
+            f"{name}: found {array.dtype} of shape {array.shape}, "
+            "expected float32 or float64 of shape (n, 3)"
+        )
+    return array
+
+
+def _column(name: str, given: ArrayLike, n: int) -> NDArray[np.float64]:
+    array = np.asanyarray(given)
+    if array.dtype.kind not in "fiu" or array.shape not in ((), (n,)):
+        raise SettingError(
+            f"{name}: found {array.dtype} of shape {array.shape}, expected a number or ({n},)"
+        )
+    return np.broadcast_to(array, (n,))

@@ -1,0 +1,257 @@
+"""Ray queries against brute force: nearest, any and all hits, in memory and beyond."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import fast
+import numpy as np
+import pytest
+from scenes import hard_scenes, random_rays
+
+import bfrt
+from bfrt.errors import SettingError
+from bfrt.phases.partition import Limits
+from bfrt.queries import answers, casting
+from bfrt.records import INDEX_BITS, NO_HIT
+from bfrt.reference import exhaustive
+
+NAMES = sorted(hard_scenes(np.random.default_rng(0)))
+
+#: Budgets as a query gets them: plenty, and so little that all goes to disk.
+PLANS = {
+    "roomy": fast.ROOMY,
+    "tight": replace(
+        fast.ROOMY, rays=61, candidates=150, hits=7, queue=11, threads=2, subspace=5000,
+        limits=Limits(voxels=32**3, slab=32 * 32**2, single=8**3, uppers=1 << 24),
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(params=PLANS)
+def planned(request, monkeypatch):
+    plan = PLANS[request.param]
+    monkeypatch.setattr(casting, "capacities", lambda *_, **__: plan)
+    monkeypatch.setattr(answers, "ROWS", 97)
+
+
+def make(tmp_path, name, n=40):
+    rng = np.random.default_rng(NAMES.index(name))
+    objects = hard_scenes(rng)[name]
+    store = fast.write(objects, tmp_path / "s.bfrt")
+    rays = random_rays(rng, objects, n)
+    origins, directions = (np.concatenate(some) for some in zip(*rays.values(), strict=True))
+    return bfrt.open(store.path), origins, directions
+
+
+def ids_of(answer):
+    ids = (answer["geometry_ids"].astype(np.uint64) << np.uint64(INDEX_BITS)) | answer[
+        "primitive_ids"
+    ].astype(np.uint64)
+    return np.where(answer["primitive_ids"] < 0, np.uint64(NO_HIT), ids)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_cast_rays_is_brute_force(tmp_path, planned, name):
+    scene, origins, directions = make(tmp_path, name)
+    answer = scene.cast_rays(origins, directions)
+    t, ids = exhaustive.nearest(scene, origins - np.array(scene.origin), directions)
+    np.testing.assert_array_equal(answer["t_hit"], t)
+    np.testing.assert_array_equal(ids_of(answer), ids)
+    missed = ids == NO_HIT
+    lengths = np.linalg.norm(answer["primitive_normals"], axis=1)
+    np.testing.assert_allclose(lengths[~missed], 1.0, atol=1e-5)
+    assert (lengths[missed] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_occluded_is_brute_force(tmp_path, planned, name):
+    scene, origins, directions = make(tmp_path, name)
+    end = np.random.default_rng(5).uniform(0.0, 3.0, len(origins))
+    expected = exhaustive.occluded(scene, origins - np.array(scene.origin), directions, end)
+    answer = scene.occluded(origins, directions, t_max=end)
+    near = exhaustive.advanced(scene, origins - np.array(scene.origin), directions)[1] == 0.0
+    np.testing.assert_array_equal(answer["occluded"][near], expected[near])
+    infinite = scene.occluded(origins, directions)["occluded"]
+    np.testing.assert_array_equal(
+        infinite, exhaustive.occluded(scene, origins - np.array(scene.origin), directions)
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_intersections_are_brute_force(tmp_path, planned, name):
+    scene, origins, directions = make(tmp_path, name, 15)
+    ray, t, ids = exhaustive.crossings(scene, origins - np.array(scene.origin), directions)
+    answer = scene.list_intersections(origins, directions)
+    np.testing.assert_array_equal(answer["ray_ids"], ray)
+    np.testing.assert_array_equal(answer["t_hit"], t)
+    np.testing.assert_array_equal(ids_of(answer), ids)
+    counts = np.bincount(ray, minlength=len(origins))
+    np.testing.assert_array_equal(np.diff(answer["ray_splits"]), counts)
+    counted = scene.count_intersections(origins, directions)["counts"]
+    np.testing.assert_array_equal(counted, counts)
+
+
+@pytest.mark.parametrize("refine", ["base", "sg"])
+def test_refinements_answer_alike(tmp_path, refine):
+    scene, origins, directions = make(tmp_path, NAMES[0])
+    for ask in (scene.cast_rays, scene.list_intersections):
+        one, other = ask(origins, directions), ask(origins, directions, refine=refine, threads=1)
+        for key, values in one.items():
+            np.testing.assert_array_equal(values, other[key])
+
+
+@pytest.fixture
+def spheres(tmp_path):
+    """Two spheres and a triangle on the x axis."""
+    with bfrt.SceneWriter(tmp_path / "x.bfrt") as writer:
+        writer.spheres([[2.0, 0, 0], [6.0, 0, 0]], [1.0, 1.0])
+        writer.triangles([[[9.0, -1, -1], [9.0, 3, -1], [9.0, -1, 3]]])
+    return bfrt.open(tmp_path / "x.bfrt")
+
+
+def test_where_rays_begin_and_end(spheres):
+    o, d = np.zeros((6, 3)), np.tile([2.0, 0, 0], (6, 1))
+    t_min, t_max = [0, 0.5, 0.6, 0, 0, 4.5], [9, 9, 9, 0.5, 0.51, 4.5]
+    t = spheres.cast_rays(o, d, t_min=t_min, t_max=t_max)["t_hit"]
+    np.testing.assert_array_equal(t, [0.5, 1.5, 1.5, np.inf, 0.5, np.inf])
+    dark = spheres.occluded(o, d, t_min=t_min, t_max=t_max)["occluded"]
+    np.testing.assert_array_equal(dark, [True, True, True, False, True, False])
+    counts = spheres.count_intersections(o, d, t_min=t_min, t_max=t_max)["counts"]
+    np.testing.assert_array_equal(counts, [5, 4, 4, 0, 1, 0])
+
+
+@pytest.mark.parametrize("t_min", [-1e300, -3.0, 0.0, 1e-300, 4.4999, 1e17, 1e300, np.inf])
+@pytest.mark.parametrize("t_max", [-np.inf, -1e300, -1.0, 0.0, 1e-300, 4.5, 1e17, 1e300, np.inf])
+def test_any_begin_and_end(spheres, t_min, t_max):
+    """No end makes a query hang, and none lets a hit through that is not before it."""
+    o, d = np.zeros((1, 3)), np.array([[2.0, 0, 0]])
+    every = spheres.list_intersections(o, d, t_min=t_min, t_max=t_max)
+    assert ((every["t_hit"] >= t_min) & (every["t_hit"] < t_max)).all()
+    if abs(t_min) < 1e17:
+        inside = [t for t in (0.5, 1.5, 2.5, 3.5, 4.5) if t_min <= t < t_max]
+        np.testing.assert_allclose(every["t_hit"], inside)
+
+
+def test_keys_as_documented(spheres):
+    answer = spheres.cast_rays(np.zeros((2, 3), np.float32), [[0, 0, 1.0], [-1, 0, 0]])
+    assert {k: (v.dtype.str, v.shape) for k, v in answer.items()} == {
+        "t_hit": ("<f8", (2,)),
+        "geometry_ids": ("<i4", (2,)),
+        "primitive_ids": ("<i8", (2,)),
+        "primitive_normals": ("<f4", (2, 3)),
+        "primitive_uvs": ("<f4", (2, 2)),
+    }
+    assert (answer["primitive_ids"] == -1).all() and (answer["geometry_ids"] == -1).all()
+    hit = spheres.cast_rays([[10.0, 0, 0]], [[-1.0, 0, 0]])
+    assert hit["geometry_ids"] == 2
+    np.testing.assert_allclose(hit["primitive_uvs"], [[0.25, 0.25]])
+    np.testing.assert_allclose(hit["primitive_normals"], [[1, 0, 0]])
+
+
+def test_bad_rays_are_counted_and_hit_nothing(spheres, caplog):
+    o = np.array([[0, 0, 0], [np.nan, 0, 0], [0, 0, 0], [0, np.inf, 0.0]])
+    d = np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]])
+    for ask, key, expected in (
+        (spheres.cast_rays, "t_hit", [1, np.inf, np.inf, np.inf]),
+        (spheres.occluded, "occluded", [True, False, False, False]),
+        (spheres.count_intersections, "counts", [5, 0, 0, 0]),
+        (spheres.list_intersections, "ray_splits", [0, 5, 5, 5, 5]),
+    ):
+        answer = ask(o, d)
+        np.testing.assert_array_equal(answer[key], expected)
+        assert answer.stats.bad_rays == 3
+    assert "3 rays were NaN" in caplog.text
+
+
+def test_files_and_blocks_are_as_good_as_arrays(tmp_path, planned):
+    scene, origins, directions = make(tmp_path, NAMES[0])
+    np.save(tmp_path / "o.npy", origins)
+    np.save(tmp_path / "d.npy", directions)
+    expected = scene.cast_rays(origins, directions)
+    blocks = ((origins[i : i + 7], directions[i : i + 7]) for i in range(0, len(origins), 7))
+    filled = {"t_hit": np.zeros(len(origins))}
+    for answer in (
+        scene.cast_rays(tmp_path / "o.npy", str(tmp_path / "d.npy"), out=tmp_path / "answer"),
+        scene.cast_rays(blocks),
+        scene.cast_rays(origins, directions, out=filled),
+    ):
+        for key, values in expected.items():
+            np.testing.assert_array_equal(answer[key], values)
+    np.testing.assert_array_equal(filled["t_hit"], expected["t_hit"])
+    np.testing.assert_array_equal(np.load(tmp_path / "answer" / "t_hit.npy"), expected["t_hit"])
+    every = scene.list_intersections(origins, directions)
+    written = scene.list_intersections(origins, directions, out=tmp_path / "all")
+    for key, values in every.items():
+        np.testing.assert_array_equal(written[key], values)
+    assert not list((tmp_path / "all").glob(".*"))
+
+
+def test_no_rays(spheres):
+    none = np.zeros((0, 3))
+    assert len(spheres.cast_rays(none, none)["t_hit"]) == 0
+    assert len(spheres.cast_rays(iter([]))["t_hit"]) == 0
+    assert list(spheres.list_intersections(none, none)["ray_splits"]) == [0]
+
+
+def test_no_objects(tmp_path):
+    with bfrt.SceneWriter(tmp_path / "empty.bfrt"):
+        pass
+    scene = bfrt.open(tmp_path / "empty.bfrt")
+    assert scene.cast_rays(np.zeros((2, 3)), np.ones((2, 3)))["t_hit"].tolist() == [np.inf] * 2
+    assert scene.occluded(np.zeros((2, 3)), np.ones((2, 3)))["occluded"].tolist() == [False] * 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "settings", "what"),
+    [
+        ((np.zeros((2, 3)), np.zeros((3, 3))), {}, "expected one shape"),
+        ((np.zeros((2, 2)), np.zeros((2, 2))), {}, "expected float32 or float64 of shape"),
+        ((np.zeros((2, 3)),), {}, "directions: found none"),
+        ((iter([1]),), {}, "expected origins and directions"),
+        ((iter([]),), {"t_max": [1.0]}, "expected one t_min and t_max"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_max": [1.0]}, "t_max: found float64"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t": np.zeros(2)}}, "out: found 't'"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": np.zeros(3)}}, "of shape"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"refine": "no"}, "refine: found"),
+        (("no.npy", "no.npy"), {}, "no.npy: expected an .npy file of origins"),
+    ],
+)
+def test_refused_in_one_sentence(spheres, arguments, settings, what):
+    with pytest.raises(SettingError, match=what):
+        spheres.cast_rays(*arguments, **settings)
+
+
+def test_a_list_goes_to_a_folder(spheres):
+    with pytest.raises(SettingError, match="expected a folder"):
+        spheres.list_intersections(np.zeros((1, 3)), np.ones((1, 3)), out={})
+
+
+def test_cancelled(spheres):
+    with pytest.raises(bfrt.Cancelled, match="rays finished"):
+        spheres.cast_rays(np.zeros((1, 3)), [[1.0, 0, 0]], progress=lambda _: False)
+
+
+def test_groups_answer_together(tmp_path, planned):
+    """Objects in three groups are met as in one."""
+    rng = np.random.default_rng(3)
+    centers, radii = rng.uniform(-1, 1, (60, 3)), rng.uniform(0.05, 0.2, 60)
+    with bfrt.SceneWriter(tmp_path / "g.bfrt") as writer:
+        for group in range(3):
+            part = slice(20 * group, 20 * (group + 1))
+            writer.spheres(centers[part], radii[part], group=group)
+    scene = bfrt.open(tmp_path / "g.bfrt")
+    o, d = rng.normal(size=(200, 3)) * 2, rng.normal(size=(200, 3))
+    start = o - np.array(scene.origin)
+    t, ids = exhaustive.nearest(scene, start, d)
+    answer = scene.cast_rays(o, d)
+    np.testing.assert_array_equal(answer["t_hit"], t)
+    np.testing.assert_array_equal(ids_of(answer), ids)
+    dark = scene.occluded(o, d)["occluded"]
+    np.testing.assert_array_equal(dark, np.isfinite(t))
+    ray, t, ids = exhaustive.crossings(scene, start, d)
+    every = scene.list_intersections(o, d)
+    np.testing.assert_array_equal(every["t_hit"], t)
+    np.testing.assert_array_equal(ids_of(every), ids)
+    counted = scene.count_intersections(o, d)["counts"]
+    np.testing.assert_array_equal(counted, np.bincount(ray, minlength=200))
