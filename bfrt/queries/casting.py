@@ -142,7 +142,7 @@ def cast_rays(
     one t the object of the least id counts. The answer is the same, bit for bit, whatever the
     memory, the threads and the refinement.
     """
-    query = _ask(scene, settings)
+    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
     check_out(HIT_FIELDS, known, out)
     hits = Spool(HIT, query.plan.hits, query.scratch)
@@ -189,7 +189,7 @@ def occluded(
     Answer
         ``occluded`` (n,) bool.
     """
-    query = _ask(scene, settings)
+    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
     check_out(OCCLUDED, known, out)
     with Answers(query, NUMBERED) as answers:
@@ -224,7 +224,7 @@ def count_intersections(
     Answer
         ``counts`` (n,) int64.
     """
-    query = _ask(scene, settings)
+    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
     check_out(COUNTS, known, out)
     with Answers(query, COUNTED) as answers:
@@ -257,7 +257,7 @@ def list_intersections(
         ``ray_splits`` (n + 1,) int64: ray i has the rows [ray_splits[i], ray_splits[i + 1]) of
         the other arrays, ordered by t, then id: those of `cast_rays`, and ``ray_ids`` (m,) int64.
     """
-    query = _ask(scene, settings)
+    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
     folder = _folder_of(out)
     hits = Spool(HIT, query.plan.hits, query.scratch)
@@ -335,12 +335,7 @@ class Answers:
         self._spool.close()
 
 
-def _ask(scene: Store | str | os.PathLike[str], settings: dict[str, Any]) -> _Query:
-    """Check the settings, and divide the budget."""
-    return _asked(scene, **settings)
-
-
-def _asked(
+def _ask(
     scene: Store | str | os.PathLike[str],
     *,
     memory: str | int | None = None,
@@ -351,6 +346,7 @@ def _asked(
     max_grid: int | None = None,
     scratch: str | os.PathLike[str] | None = None,
 ) -> _Query:
+    """Check the settings, and divide the budget."""
     store = scene if isinstance(scene, Store) else open_store(scene)
     budget = default_memory() if memory is None else parse_memory(memory)
     count = usable_threads() if threads is None else at_least_one("threads", threads)

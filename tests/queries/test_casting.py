@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import fast
 import numpy as np
 import pytest
+from memory_cap import memory_cap, run_in
 from scenes import hard_scenes, random_rays
 
 import bfrt
@@ -227,6 +229,30 @@ def test_a_list_goes_to_a_folder(spheres):
         spheres.list_intersections(np.zeros((1, 3)), np.ones((1, 3)), out={})
 
 
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "full")])
+def test_files_are_whole_or_not_there(spheres, tmp_path, monkeypatch, error):
+    put = answers.Columns.put
+
+    def fail(columns, block):
+        put(columns, block)
+        raise error
+
+    monkeypatch.setattr(answers.Columns, "put", fail)
+    with pytest.raises((KeyboardInterrupt, bfrt.DiskFullError)):
+        spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), out=tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_an_unknown_setting_is_refused(spheres):
+    with pytest.raises(TypeError, match="samples"):
+        spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), samples=4)
+
+
+def test_too_small_a_budget_is_refused(spheres):
+    with pytest.raises(bfrt.BudgetError, match=r"expected \d+MiB or more for rays of this scene"):
+        spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), memory="1MiB")
+
+
 def test_cancelled(spheres):
     with pytest.raises(bfrt.Cancelled, match="rays finished"):
         spheres.cast_rays(np.zeros((1, 3)), [[1.0, 0, 0]], progress=lambda _: False)
@@ -255,3 +281,46 @@ def test_groups_answer_together(tmp_path, planned):
     np.testing.assert_array_equal(ids_of(every), ids)
     counted = scene.count_intersections(o, d)["counts"]
     np.testing.assert_array_equal(counted, np.bincount(ray, minlength=200))
+
+
+MANY = """
+import sys
+import numpy as np
+import bfrt
+
+def blocks():
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        o = rng.uniform(-1, 1, (100_000, 3))
+        yield o, rng.uniform(-1, 1, (100_000, 3)) - o
+
+scene = bfrt.open(sys.argv[1])
+answer = scene.cast_rays(blocks(), memory="96MiB", out=sys.argv[2])
+print(answer.stats.peak_rss_bytes, len(answer["t_hit"]))
+"""
+
+
+def test_more_rays_than_memory_holds(tmp_path):
+    """A million rays, 190 MB of records and answers, inside a cgroup as large as the budget."""
+    store = bfrt.spd.rings(5).write(tmp_path / "r.bfrt")
+    with memory_cap(96 << 20) as group:
+        if group is None:
+            pytest.skip("no memory cgroup can be made here")
+        command = [sys.executable, "-c", MANY, str(store.path), str(tmp_path / "out")]
+        done = run_in(group, command, tmp_path)
+    assert done.returncode == 0, done.stderr
+    peak, rays = map(int, done.stdout.split())
+    assert peak < 96 << 20
+    assert rays == 1_000_000
+    o, d = (np.concatenate(part) for part in zip(*blocks(), strict=True))
+    some = slice(None, None, 1009)
+    t = exhaustive.nearest(store, o[some] - np.array(store.origin), d[some])[0]
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "t_hit.npy")[some], t)
+
+
+def blocks():
+    """The rays of `MANY`."""
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        o = rng.uniform(-1, 1, (100_000, 3))
+        yield o, rng.uniform(-1, 1, (100_000, 3)) - o
