@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bfrt.budget import capacities, default_memory, parse_memory
+from bfrt.budget import Capacities, capacities, default_memory, parse_memory
 from bfrt.errors import SettingError
 from bfrt.image.canvas import Canvas
 from bfrt.image.film import Film
@@ -114,32 +114,12 @@ def render(
     view = camera or store.camera
     if view is None:
         raise SettingError(f"{store.path}: the scene has no camera: expected from, at and angle")
-    budget = default_memory() if memory is None else parse_memory(memory)
-    count = usable_threads() if threads is None else at_least_one("threads", threads)
     corners = CORNERS if samples is None else at_least_one("samples", samples)
-    if refine not in REFINEMENTS:
-        raise SettingError(f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}")
-    plan = capacities(
-        store,
-        *view.resolution,
-        corners,
-        budget,
-        count,
-        grid=None if grid is None else at_least_one("grid", grid),
-        max_grid=None if max_grid is None else at_least_one("max_grid", max_grid),
-    )
-    stats = Stats(
-        objects=store.objects,
-        scene_bytes=store.bytes,
-        settings={
-            "refine": refine,
-            "memory": budget,
-            "threads": count,
-            "depth": at_least_one("depth", depth),
-        },
-    )
-    if refine == "sgb":
-        stats.hierarchy_seconds = store.hierarchy_seconds
+    plan, stats = plan_of(
+        store, *view.resolution, corners,
+        memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
+    )  # fmt: skip
+    stats.settings["depth"] = at_least_one("depth", depth)
     folder = scratch_folder(scratch, store.path)
     canvas = Canvas(*view.resolution, folder if plan.frame_on_disk else None)
     with reporting(progress) as report:
@@ -162,6 +142,44 @@ def render(
     if stats.bad_rays:
         log.warning("%d rays were NaN or had no direction, and hit nothing", stats.bad_rays)
     return image
+
+
+def plan_of(
+    store: Store,
+    width: int,
+    height: int,
+    samples: int,
+    *,
+    memory: str | int | None,
+    threads: int | None,
+    refine: str,
+    grid: int | None,
+    max_grid: int | None,
+) -> tuple[Capacities, Stats]:
+    """Check the settings that renders and ray queries share, divide the budget, and begin the
+    counters; all as for `render` and `capacities`."""
+    budget = default_memory() if memory is None else parse_memory(memory)
+    count = usable_threads() if threads is None else at_least_one("threads", threads)
+    if refine not in REFINEMENTS:
+        raise SettingError(f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}")
+    plan = capacities(
+        store,
+        width,
+        height,
+        samples,
+        budget,
+        count,
+        grid=None if grid is None else at_least_one("grid", grid),
+        max_grid=None if max_grid is None else at_least_one("max_grid", max_grid),
+    )
+    stats = Stats(
+        objects=store.objects,
+        scene_bytes=store.bytes,
+        settings={"refine": refine, "memory": budget, "threads": count},
+    )
+    if refine == "sgb":
+        stats.hierarchy_seconds = store.hierarchy_seconds
+    return plan, stats
 
 
 def develop(film: Film, canvas: Canvas) -> None:

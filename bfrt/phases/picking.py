@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import INDEX_BITS
+from bfrt.records import INDEX_BITS, plain
 from bfrt.scene.objects import Objects
 from bfrt.scene.sweep import Sweep
 
@@ -58,3 +58,9 @@ def gathered(hits: Any, room: int) -> NDArray[Any]:
         parts.append(hits.read(room))
         room -= len(parts[-1])
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def by_object(hits: Any, room: int) -> NDArray[Any]:
+    """The next hits of a spool, `room` at the most, in the order of their objects."""
+    some = gathered(hits, room)
+    return plain(some)[np.argsort(some["id"])].view(some.dtype)

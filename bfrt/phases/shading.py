@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from bfrt.budget import Capacities, emit_room
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
-from bfrt.phases.picking import each_hit, gathered
-from bfrt.records import HIT, INDEX_BITS, QUEUED, plain
+from bfrt.phases.picking import by_object, each_hit
+from bfrt.records import INDEX_BITS, QUEUED
 from bfrt.scene.objects import Objects
 from bfrt.scene.store import Store
 from bfrt.scene.sweep import Sweep
@@ -70,8 +70,7 @@ class Shading:
     ) -> None:
         """Shade all hits, on objects of all groups; the next depth's rays go to `queue`."""
         while len(hits):
-            chunk = gathered(hits, self._capacity)
-            chunk = plain(chunk)[np.argsort(chunk["id"])].view(HIT)
+            chunk = by_object(hits, self._capacity)
             self._sweep(groups, chunk, queue.append, last, counters)
 
     def _sweep(

@@ -15,27 +15,28 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bfrt.budget import Capacities, capacities, default_memory, parse_memory
+from bfrt.budget import Capacities
 from bfrt.errors import Cancelled, SettingError
 from bfrt.phases.crossings import Crossings
-from bfrt.phases.picking import each_hit, gathered
+from bfrt.phases.picking import by_object, each_hit
 from bfrt.queries._rays import surfaces
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows
 from bfrt.queries.rays import AskedRays, Given, rays_of
-from bfrt.records import ASKED, HIT, INDEX_BITS, NO_HIT, QUEUED_BYTES, RayKind, plain
-from bfrt.rendering import REFINEMENTS, at_least_one, reporting, scratch_folder
+from bfrt.records import ASKED, HIT, INDEX_BITS, NO_HIT, QUEUED_BYTES, RayKind
+from bfrt.rendering import REFINEMENTS, plan_of, reporting, scratch_folder
 from bfrt.scene.store import Store, open_store
 from bfrt.scene.sweep import Sweep
 from bfrt.scheduler import Progress, Tracer
 from bfrt.stats import Counters, Stats, peak_rss
 from bfrt.streams.spool import Spool
-from bfrt.workers import Workers, usable_threads
+from bfrt.workers import Workers
 
 log = logging.getLogger(__name__)
 
@@ -145,22 +146,18 @@ def cast_rays(
     query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
     check_out(HIT_FIELDS, known, out)
-    hits = Spool(HIT, query.plan.hits, query.scratch)
+    queue = AskedRays(query.store, blocks, RayKind.EYE)
     with Answers(query, ANSWER) as answers:
-        try:
-            queue = AskedRays(query.store, blocks, RayKind.EYE)
-            sink = Keep(hits, lambda some: some[some["id"] != NO_HIT])
+        with closing(Spool(HIT, query.plan.hits, query.scratch)) as hits:
+            sink = Forward(lambda some: hits.append(some[some["id"] != NO_HIT].view(HIT)))
             _trace(
                 query,
                 queue,
                 sink,
                 known,
                 progress,
-                None,
-                lambda t: _resolve(t, query, hits, answers.append),
+                then=lambda tracer: _resolve(tracer, query, hits, answers.append),
             )
-        finally:
-            hits.close()
         missed = np.zeros(1, ANSWER)
         missed["t"], missed["key"] = np.inf, NO_HIT
         with Columns(HIT_FIELDS, queue.taken, out) as columns:
@@ -260,22 +257,18 @@ def list_intersections(
     query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
     folder = _folder_of(out)
-    hits = Spool(HIT, query.plan.hits, query.scratch)
+    queue = AskedRays(query.store, blocks, RayKind.EYE)
     with Answers(query, ANSWER) as answers:
-        try:
-            queue = AskedRays(query.store, blocks, RayKind.EYE)
-            crossings = Crossings(lambda asked: hits.append(asked.view(HIT)))
+        with closing(Spool(HIT, query.plan.hits, query.scratch)) as hits:
             _trace(
                 query,
                 queue,
                 Forward(lambda some: None),
                 known,
                 progress,
-                crossings,
-                lambda t: _resolve(t, query, hits, answers.append),
+                Crossings(lambda asked: hits.append(asked.view(HIT))),
+                then=lambda tracer: _resolve(tracer, query, hits, answers.append),
             )
-        finally:
-            hits.close()
         counts = np.zeros(queue.taken + 1, np.int64)
         fields = {"ray_ids": (np.int64, ()), **HIT_FIELDS}
         with Columns(fields, len(answers), folder) as columns:
@@ -304,13 +297,6 @@ class Forward:
 
     def append(self, records: NDArray[Any]) -> None:
         self._take(records.view(ASKED))
-
-
-class Keep(Forward):
-    """Keeps some of them in a spool."""
-
-    def __init__(self, spool: Spool, some: Callable[[NDArray[Any]], NDArray[Any]]) -> None:
-        super().__init__(lambda records: spool.append(some(records).view(HIT)))
 
 
 class Answers:
@@ -348,22 +334,10 @@ def _ask(
 ) -> _Query:
     """Check the settings, and divide the budget."""
     store = scene if isinstance(scene, Store) else open_store(scene)
-    budget = default_memory() if memory is None else parse_memory(memory)
-    count = usable_threads() if threads is None else at_least_one("threads", threads)
-    if refine not in REFINEMENTS:
-        raise SettingError(f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}")
-    plan = capacities(
-        store, 0, 0, 1, budget, count,
-        grid=None if grid is None else at_least_one("grid", grid),
-        max_grid=None if max_grid is None else at_least_one("max_grid", max_grid),
+    plan, stats = plan_of(
+        store, 0, 0, 1,
+        memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
     )  # fmt: skip
-    stats = Stats(
-        objects=store.objects,
-        scene_bytes=store.bytes,
-        settings={"refine": refine, "memory": budget, "threads": count},
-    )
-    if refine == "sgb":
-        stats.hierarchy_seconds = store.hierarchy_seconds
     return _Query(store, plan, scratch_folder(scratch, store.path), refine, stats, fresh_marks)
 
 
@@ -412,8 +386,8 @@ def _resolve(
     counters = Counters()
     with counters.phases.shading.timed():
         while len(hits):
-            some = gathered(hits, max(1, query.plan.hits // 2))  # and what is found of them
-            some = plain(some)[np.argsort(some["id"])].view(ASKED)
+            # Half of them, for what is found takes memory too.
+            some = by_object(hits, max(1, query.plan.hits // 2)).view(ASKED)
             found = np.empty(len(some), ANSWER)
             normals = np.empty((len(some), 3), np.float32)
             uvs = np.empty((len(some), 2), np.float32)

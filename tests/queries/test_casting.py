@@ -12,9 +12,10 @@ from memory_cap import memory_cap, run_in
 from scenes import hard_scenes, random_rays
 
 import bfrt
+from bfrt import rendering
 from bfrt.errors import SettingError
 from bfrt.phases.partition import Limits
-from bfrt.queries import answers, casting
+from bfrt.queries import answers
 from bfrt.records import INDEX_BITS, NO_HIT
 from bfrt.reference import exhaustive
 
@@ -33,7 +34,7 @@ PLANS = {
 @pytest.fixture(params=PLANS)
 def planned(request, monkeypatch):
     plan = PLANS[request.param]
-    monkeypatch.setattr(casting, "capacities", lambda *_, **__: plan)
+    monkeypatch.setattr(rendering, "capacities", lambda *_, **__: plan)
     monkeypatch.setattr(answers, "ROWS", 97)
 
 
