@@ -27,7 +27,7 @@ import numpy as np
 
 import bfrt
 from bfrt.records import Kind
-from bfrt.scene.nff import read_nff
+from bfrt.formats.nff import read_nff
 
 
 class PovWriter:

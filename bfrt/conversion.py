@@ -17,7 +17,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.records import Kind
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Vector
-from bfrt.scene.nff import read_nff
+from bfrt.formats.nff import read_nff
 from bfrt.scene.store import HEADER, Store, open_store
 from bfrt.scene.writer import SceneWriter
 from bfrt.spd import scene as spd_scene

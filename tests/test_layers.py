@@ -15,6 +15,7 @@ LAYERS = [
     {"image"},
     {"scene"},
     {"spd"},
+    {"formats"},
     {"phases", "budget"},
     {"scheduler", "reference"},
     {"rendering", "conversion"},

@@ -40,7 +40,7 @@ import numpy.typing as npt
 
 from bfrt.errors import SceneError, StreamError
 from bfrt.records import Kind
-from bfrt.scene._nff import (
+from bfrt.formats._nff import (
     MAX_RESOLUTION,
     MAX_TOKEN,
     MAX_VERTICES,

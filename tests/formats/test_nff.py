@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 from bfrt.errors import SceneError, StreamError
 from bfrt.records import SCALARS, Kind
-from bfrt.scene._nff import MAX_VERTICES, Entity, Event, Fault, Parser
+from bfrt.formats._nff import MAX_VERTICES, Entity, Event, Fault, Parser
 from bfrt.scene.model import Camera, Light, Material
-from bfrt.scene.nff import _read, read_nff
+from bfrt.formats.nff import _read, read_nff
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))
@@ -512,7 +512,7 @@ def test_parser_refuses_what_it_has_no_room_for():
 
 
 def test_stub_has_the_values_of_the_enums():
-    stub = (ROOT / "bfrt" / "scene" / "_nff.pyi").read_text()
+    stub = (ROOT / "bfrt" / "formats" / "_nff.pyi").read_text()
     classes = re.findall(r"class (\w+)\(enum.IntEnum\):\n((?:    \w+ = \d+\n)+)", stub)
     declared = {
         name: {key: int(value) for key, value in re.findall(r"(\w+) = (\d+)", body)}

@@ -10,23 +10,25 @@
 
 A chunk may end anywhere. Nothing is consumed of a token that may go on in the next chunk; ``feed``
 carries it over, which is at most ``MAX_TOKEN`` bytes. The state of the entity that is being read
-(`entity`, `have`, `need`) lives in the parser, so that ``advance`` goes on where it stopped. The
-NUL behind the text ends every inner loop: only what stops at a NUL compares with ``end``.
+(`entity`, `have`, `need`) lives in the parser, so that ``advance`` goes on where it stopped.
 
 ``nff.py`` decides what an event means and words the errors.
 """
 
 cimport cython
-from libc.math cimport INFINITY, isinf
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.math cimport INFINITY
+from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memcmp, memcpy, memmove
+
+from bfrt.formats.text cimport (
+    ENDLESS, FOUND, HASH, MINUS, NEWLINE, NO_FINITE, NO_INTEGER, NO_NUMBER, NOT_ASCII, NUL, PLUS,
+    POINT, RETURN, SPACE, STARVED, TOKEN_BYTES, Text, consume, find_token, measure, pass_blanks,
+    read_integer, read_number,
+)
 
 import numpy as np
 
 from bfrt.records import SCALARS, Kind
-
-cdef extern from "Python.h":
-    double PyOS_string_to_double(const char *text, char **end, void *overflow) except? -1.0
 
 cpdef enum Event:
     HUNGRY  # the chunk is used up
@@ -41,11 +43,11 @@ cpdef enum Event:
 
 cpdef enum Fault:
     CUT_SHORT = 1
-    BINARY
-    TOO_LONG
-    NOT_A_NUMBER
-    NOT_FINITE
-    NOT_AN_INTEGER
+    BINARY = NOT_ASCII
+    TOO_LONG = ENDLESS
+    NOT_A_NUMBER = NO_NUMBER
+    NOT_FINITE = NO_FINITE
+    NOT_AN_INTEGER = NO_INTEGER
     NEGATIVE
     MIXED_RADII
     UNKNOWN_KEYWORD
@@ -78,26 +80,12 @@ cdef enum:
     RECENT = 16  # materials that are found again at once
 
 cdef enum:
-    TOKEN_BYTES = 64
     COUNT_LIMIT = 1 << 20
     RESOLUTION_LIMIT = 65535
     KINDS = 5
-    # What a look at the text ends with, if not with a Fault. Never -1, which is an exception.
-    FOUND = 0
-    STARVED = -2
     # What a step of the loop ends with, if not with an Event.
     GO_ON = -3
     GROW = -4
-    NUL = 0
-    NEWLINE = 10
-    RETURN = 13
-    SPACE = 32
-    HASH = 35
-    PLUS = 43
-    MINUS = 45
-    POINT = 46
-    LOWER_E = 101
-    LAST_ASCII = 126
 
 MAX_TOKEN = TOKEN_BYTES
 MAX_VERTICES = COUNT_LIMIT
@@ -119,197 +107,11 @@ VIEW_NUMBERS[:] = [3, 3, 3, 1, 1, 2]
 cdef int VIEW_PLACES[6]
 VIEW_PLACES[:] = [0, 3, 6, 9, 10, 11]
 
-# The powers of ten that a double holds exactly.
-cdef double POWERS[23]
-POWERS[:] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11,
-    1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
-]
-cdef uint64_t EXACT_MANTISSA = 1ull << 53
-
-
-cdef struct Text:
-    unsigned char *at  # the next byte; the one before is always there
-    unsigned char *end  # holds a NUL
-    unsigned char *token  # the last token that was looked at
-    Py_ssize_t length
-    int64_t line
-    bint ended  # no chunk follows
-    bint comment  # the chunk ended inside a comment
-
-
 cdef struct Block:
     double *records
     uint32_t *materials
     Py_ssize_t count
     Py_ssize_t scalars
-
-
-cdef inline bint is_blank(unsigned char byte) noexcept nogil:
-    return byte == SPACE or 9 <= byte <= 13
-
-
-cdef bint pass_blanks(Text *text) noexcept nogil:
-    """Pass over blanks and comments, and count lines: they end with LF, CR LF or CR."""
-    cdef unsigned char *at = text.at
-    cdef unsigned char byte
-    while at < text.end:
-        byte = at[0]
-        if byte == NEWLINE or byte == RETURN:
-            text.comment = False
-            text.line += byte == RETURN or (at - 1)[0] != RETURN
-        elif not text.comment:
-            if byte == HASH:
-                text.comment = True
-            elif not is_blank(byte):
-                break
-        at += 1
-    text.at = at
-    return at < text.end
-
-
-cdef inline bint find_token(Text *text) noexcept nogil:
-    """Go to the next token; False if the chunk has no more."""
-    if text.at[0] == SPACE:
-        text.at += 1
-    if text.at[0] > SPACE and text.at[0] != HASH:
-        return True
-    return pass_blanks(text)
-
-
-cdef int measure(Text *text) noexcept nogil:
-    """Find where the token ends, and whether it may be one.
-
-    The answer hangs on the token or on its first 65 bytes, never on where the chunk ends.
-    """
-    cdef unsigned char *at = text.at
-    cdef Py_ssize_t length = 0
-    cdef bint binary = False
-    while length <= TOKEN_BYTES and at + length < text.end:
-        if is_blank(at[length]) or at[length] == HASH:
-            break
-        binary |= at[length] == NUL or at[length] > LAST_ASCII
-        length += 1
-    if at + length == text.end and length <= TOKEN_BYTES and not text.ended:
-        return STARVED
-    text.token = at
-    text.length = length
-    if binary:
-        return BINARY
-    return TOO_LONG if length > TOKEN_BYTES else FOUND
-
-
-cdef inline void consume(Text *text) noexcept nogil:
-    text.at = text.token + text.length
-
-
-cdef int read_hard_number(Text *text, unsigned char *stop, double *out) except -1 nogil:
-    """The numbers that the fast path leaves: long, extreme, unfinished, or none at all.
-
-    `stop` is where a well-formed number ends, NULL if there is none.
-    """
-    cdef char copy[TOKEN_BYTES + 1]
-    cdef int status = measure(text)
-    if status != FOUND:
-        return status
-    if stop != text.token + text.length:
-        return NOT_A_NUMBER
-    memcpy(copy, text.token, text.length)
-    copy[text.length] = 0
-    with gil:
-        out[0] = PyOS_string_to_double(copy, NULL, NULL)
-    if isinf(out[0]):
-        return NOT_FINITE
-    consume(text)
-    return FOUND
-
-
-cdef inline int read_number(Text *text, double *out) except -1 nogil:
-    """Read the token as the double nearest to it.
-
-    A mantissa up to 2^53 and a power of ten up to 10^22 are exact doubles, so that one
-    multiplication or division rounds correctly (Clinger 1990). All else takes the hard way.
-    """
-    cdef unsigned char *at = text.at
-    cdef unsigned char *mark
-    cdef uint64_t mantissa = 0
-    cdef Py_ssize_t digits
-    cdef int exponent = 0
-    cdef int power = 0
-    cdef bint minus = at[0] == MINUS
-    cdef bint power_minus
-    cdef double x
-    if minus or at[0] == PLUS:
-        at += 1
-    mark = at
-    while <unsigned char>(at[0] - 48) < 10:
-        mantissa = mantissa * 10 + <unsigned char>(at[0] - 48)
-        at += 1
-    digits = at - mark
-    if at[0] == POINT:
-        at += 1
-        mark = at
-        while <unsigned char>(at[0] - 48) < 10:
-            mantissa = mantissa * 10 + <unsigned char>(at[0] - 48)
-            at += 1
-        digits += at - mark
-        # Too long a fraction goes the hard way before this number matters.
-        exponent = <int>(mark - at)
-    if digits == 0:
-        return read_hard_number(text, NULL, out)
-    if at[0] | 32 == LOWER_E:
-        at += 1
-        power_minus = at[0] == MINUS
-        if power_minus or at[0] == PLUS:
-            at += 1
-        mark = at
-        while <unsigned char>(at[0] - 48) < 10:
-            if power < 10000:
-                power = power * 10 + <unsigned char>(at[0] - 48)
-            at += 1
-        if at == mark:
-            return read_hard_number(text, NULL, out)
-        exponent += -power if power_minus else power
-    # 19 digits cannot have overflowed the mantissa. A NUL is no blank: a number that the chunk
-    # ends with goes the hard way, too.
-    if (
-        digits > 19
-        or mantissa > EXACT_MANTISSA
-        or not -22 <= exponent <= 22
-        or at - text.at > TOKEN_BYTES
-        or not (is_blank(at[0]) or at[0] == HASH)
-    ):
-        return read_hard_number(text, at, out)
-    x = <double>mantissa
-    x = x / POWERS[-exponent] if exponent < 0 else x * POWERS[exponent]
-    out[0] = -x if minus else x
-    text.token = text.at
-    text.length = at - text.at
-    text.at = at
-    return FOUND
-
-
-cdef int read_integer(Text *text, int low, int high, double *out) noexcept nogil:
-    """Read the token as an integer from `low` to `high`: digits, with or without a plus."""
-    cdef int status = measure(text)
-    cdef Py_ssize_t i = 0
-    cdef int64_t value = 0
-    if status != FOUND:
-        return status
-    if text.token[0] == PLUS:
-        i = 1
-    if i == text.length:
-        return NOT_AN_INTEGER
-    while i < text.length:
-        if <unsigned char>(text.token[i] - 48) >= 10:
-            return NOT_AN_INTEGER
-        value = min(value * 10 + <unsigned char>(text.token[i] - 48), <int64_t>high + 1)
-        i += 1
-    if not low <= value <= high:
-        return NOT_AN_INTEGER
-    out[0] = <double>value
-    consume(text)
-    return FOUND
 
 
 @cython.final

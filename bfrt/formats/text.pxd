@@ -1,0 +1,256 @@
+"""Text as readers of scenes have it: blanks, tokens, lines and numbers, without the GIL.
+
+A text is a buffer with one byte before what is read and a NUL behind it. The NUL ends every inner
+loop: only what stops at a NUL compares with ``end``. Tokens are at most ``TOKEN_BYTES`` long and are
+separated by blanks; ``#`` begins a comment that the line ends.
+"""
+
+from libc.math cimport INFINITY, NAN, isinf
+from libc.stdint cimport int64_t, uint64_t
+from libc.string cimport memcpy
+
+cdef extern from "Python.h":
+    double PyOS_string_to_double(const char *text, char **end, void *overflow) except? -1.0
+
+cdef extern from *:
+    """
+    /* The powers of ten that a double holds exactly. */
+    static const double POWERS[23] = {
+        1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11,
+        1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
+    };
+    """
+    const double POWERS[23]
+
+cdef enum:
+    TOKEN_BYTES = 64
+    NUL = 0
+    NEWLINE = 10
+    RETURN = 13
+    SPACE = 32
+    HASH = 35
+    PLUS = 43
+    MINUS = 45
+    POINT = 46
+    LOWER_E = 101
+    LAST_ASCII = 126
+
+# What a look at the text ends with. Never -1, which is an exception.
+cdef enum Look:
+    STARVED = -2  # the token may go on in the next chunk
+    FOUND = 0
+    NOT_ASCII = 2
+    ENDLESS  # longer than a token may be
+    NO_NUMBER
+    NO_FINITE
+    NO_INTEGER
+
+cdef inline uint64_t exact_mantissa() noexcept nogil:
+    return 1ull << 53
+
+
+cdef struct Text:
+    unsigned char *at  # the next byte; the one before is always there
+    unsigned char *end  # holds a NUL
+    unsigned char *token  # the last token that was looked at
+    Py_ssize_t length
+    int64_t line
+    bint ended  # no chunk follows
+    bint comment  # the chunk ended inside a comment
+
+
+cdef inline bint is_blank(unsigned char byte) noexcept nogil:
+    return byte == SPACE or 9 <= byte <= 13
+
+
+cdef inline bint pass_blanks(Text *text) noexcept nogil:
+    """Pass over blanks and comments, and count lines: they end with LF, CR LF or CR."""
+    cdef unsigned char *at = text.at
+    cdef unsigned char byte
+    while at < text.end:
+        byte = at[0]
+        if byte == NEWLINE or byte == RETURN:
+            text.comment = False
+            text.line += byte == RETURN or (at - 1)[0] != RETURN
+        elif not text.comment:
+            if byte == HASH:
+                text.comment = True
+            elif not is_blank(byte):
+                break
+        at += 1
+    text.at = at
+    return at < text.end
+
+
+cdef inline bint find_token(Text *text) noexcept nogil:
+    """Go to the next token; False if the chunk has no more."""
+    if text.at[0] == SPACE:
+        text.at += 1
+    if text.at[0] > SPACE and text.at[0] != HASH:
+        return True
+    return pass_blanks(text)
+
+
+cdef inline int measure(Text *text) noexcept nogil:
+    """Find where the token ends, and whether it may be one.
+
+    The answer hangs on the token or on its first 65 bytes, never on where the chunk ends.
+    """
+    cdef unsigned char *at = text.at
+    cdef Py_ssize_t length = 0
+    cdef bint binary = False
+    while length <= TOKEN_BYTES and at + length < text.end:
+        if is_blank(at[length]) or at[length] == HASH:
+            break
+        binary |= at[length] == NUL or at[length] > LAST_ASCII
+        length += 1
+    if at + length == text.end and length <= TOKEN_BYTES and not text.ended:
+        return STARVED
+    text.token = at
+    text.length = length
+    if binary:
+        return NOT_ASCII
+    return ENDLESS if length > TOKEN_BYTES else FOUND
+
+
+cdef inline void consume(Text *text) noexcept nogil:
+    text.at = text.token + text.length
+
+
+cdef inline int read_hard_number(Text *text, unsigned char *stop, double *out) except -1 nogil:
+    """The numbers that the fast path leaves: long, extreme, unfinished, or none at all.
+
+    `stop` is where a well-formed number ends, NULL if there is none.
+    """
+    cdef char copy[TOKEN_BYTES + 1]
+    cdef int status = measure(text)
+    if status != FOUND:
+        return status
+    if stop != text.token + text.length:
+        return NO_NUMBER
+    memcpy(copy, text.token, text.length)
+    copy[text.length] = 0
+    with gil:
+        out[0] = PyOS_string_to_double(copy, NULL, NULL)
+    if isinf(out[0]):
+        return NO_FINITE
+    consume(text)
+    return FOUND
+
+
+cdef inline int read_number(Text *text, double *out) except -1 nogil:
+    """Read the token as the double nearest to it.
+
+    A mantissa up to 2^53 and a power of ten up to 10^22 are exact doubles, so that one
+    multiplication or division rounds correctly (Clinger 1990). All else takes the hard way.
+    """
+    cdef unsigned char *at = text.at
+    cdef unsigned char *mark
+    cdef uint64_t mantissa = 0
+    cdef Py_ssize_t digits
+    cdef int exponent = 0
+    cdef int power = 0
+    cdef bint minus = at[0] == MINUS
+    cdef bint power_minus
+    cdef double x
+    if minus or at[0] == PLUS:
+        at += 1
+    mark = at
+    while <unsigned char>(at[0] - 48) < 10:
+        mantissa = mantissa * 10 + <unsigned char>(at[0] - 48)
+        at += 1
+    digits = at - mark
+    if at[0] == POINT:
+        at += 1
+        mark = at
+        while <unsigned char>(at[0] - 48) < 10:
+            mantissa = mantissa * 10 + <unsigned char>(at[0] - 48)
+            at += 1
+        digits += at - mark
+        # Too long a fraction goes the hard way before this number matters.
+        exponent = <int>(mark - at)
+    if digits == 0:
+        return read_hard_number(text, NULL, out)
+    if at[0] | 32 == LOWER_E:
+        at += 1
+        power_minus = at[0] == MINUS
+        if power_minus or at[0] == PLUS:
+            at += 1
+        mark = at
+        while <unsigned char>(at[0] - 48) < 10:
+            if power < 10000:
+                power = power * 10 + <unsigned char>(at[0] - 48)
+            at += 1
+        if at == mark:
+            return read_hard_number(text, NULL, out)
+        exponent += -power if power_minus else power
+    # 19 digits cannot have overflowed the mantissa. A NUL is no blank: a number that the chunk
+    # ends with goes the hard way, too.
+    if (
+        digits > 19
+        or mantissa > exact_mantissa()
+        or not -22 <= exponent <= 22
+        or at - text.at > TOKEN_BYTES
+        or not (is_blank(at[0]) or at[0] == HASH)
+    ):
+        return read_hard_number(text, at, out)
+    x = <double>mantissa
+    x = x / POWERS[-exponent] if exponent < 0 else x * POWERS[exponent]
+    out[0] = -x if minus else x
+    text.token = text.at
+    text.length = at - text.at
+    text.at = at
+    return FOUND
+
+
+cdef inline int read_integer(Text *text, int low, int high, double *out) noexcept nogil:
+    """Read the token as an integer from `low` to `high`: digits, with or without a plus."""
+    cdef int status = measure(text)
+    cdef Py_ssize_t i = 0
+    cdef int64_t value = 0
+    if status != FOUND:
+        return status
+    if text.token[0] == PLUS:
+        i = 1
+    if i == text.length:
+        return NO_INTEGER
+    while i < text.length:
+        if <unsigned char>(text.token[i] - 48) >= 10:
+            return NO_INTEGER
+        value = min(value * 10 + <unsigned char>(text.token[i] - 48), <int64_t>high + 1)
+        i += 1
+    if not low <= value <= high:
+        return NO_INTEGER
+    out[0] = <double>value
+    consume(text)
+    return FOUND
+
+
+cdef inline bint spells(Text *text, Py_ssize_t skip, const char *word) noexcept nogil:
+    """Whether the token, without its first bytes, begins with a word, in any case."""
+    cdef Py_ssize_t i = 0
+    while word[i]:
+        if skip + i >= text.length or text.token[skip + i] | 32 != word[i]:
+            return False
+        i += 1
+    return True
+
+
+cdef inline int read_any_number(Text *text, double *out) except -1 nogil:
+    """As `read_number`, and what C's printf makes of infinities and of what is no number."""
+    cdef int status = read_number(text, out)
+    cdef Py_ssize_t sign
+    if status == NO_FINITE:
+        out[0] = -INFINITY if text.token[0] == MINUS else INFINITY
+    elif status == NO_NUMBER:
+        sign = text.token[0] == MINUS or text.token[0] == PLUS
+        if spells(text, sign, "nan"):
+            out[0] = NAN
+        elif spells(text, sign, "inf"):
+            out[0] = -INFINITY if text.token[0] == MINUS else INFINITY
+        else:
+            return status
+    else:
+        return status
+    consume(text)
+    return FOUND
