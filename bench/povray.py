@@ -26,8 +26,8 @@ from typing import Any, TextIO
 import numpy as np
 
 import bfrt
-from bfrt.records import Kind
 from bfrt.formats.nff import read_nff
+from bfrt.records import Kind
 
 
 class PovWriter:

@@ -13,26 +13,63 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, SettingError
+from bfrt.budget import BASELINE, default_memory, format_memory, parse_memory
+from bfrt.errors import BudgetError, SceneError, SettingError
+from bfrt.formats.hdf5 import read_hdf5
+from bfrt.formats.las import read_las
+from bfrt.formats.nff import read_nff
+from bfrt.formats.npy import read_npy, read_npz
+from bfrt.formats.obj import read_obj
+from bfrt.formats.outlet import SceneSink
+from bfrt.formats.ply import read_ply
+from bfrt.formats.reading import Reading
+from bfrt.formats.stl import read_stl
 from bfrt.records import Kind
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Vector
-from bfrt.formats.nff import read_nff
 from bfrt.scene.store import HEADER, Store, open_store
 from bfrt.scene.writer import SceneWriter
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
 from bfrt.workers import usable_threads
 
-SUFFIXES = (".nff",)
-
-#: Blocks that wait to be written while the next is read.
-PENDING = 4
-
 Source = str | os.PathLike[str]
 
 #: Called with the bytes of input that are done.
 Report = Callable[[int], None]
+
+Reader = Callable[[str, SceneSink, Reading, Report | None], None]
+
+
+def read_nff_as_is(
+    path: str, sink: SceneSink, reading: Reading, report: Report | None = None
+) -> None:
+    """Read NFF, which has its own colors and nothing that could be set."""
+    reading.refuse_all_but(path)
+    read_nff(path, sink, progress=report)
+
+
+READERS: dict[str, Reader] = {
+    ".nff": read_nff_as_is,
+    ".ply": read_ply,
+    ".stl": read_stl,
+    ".obj": read_obj,
+    ".npy": read_npy,
+    ".npz": read_npz,
+    ".h5": read_hdf5,
+    ".hdf5": read_hdf5,
+    ".las": read_las,
+    ".laz": read_las,
+}
+
+#: What a conversion takes beside a mesh's vertices: blocks that are read, made and written.
+CONVERTING = BASELINE + (76 << 20)
+
+#: The fewest bytes for vertices that are worth a pass.
+FEWEST_VERTICES = 8 << 20
+
+#: Blocks that wait to be written while the next is read.
+PENDING = 4
 
 
 def is_store(source: str | os.PathLike[str]) -> bool:
@@ -45,8 +82,17 @@ def convert(
     source: Source | Sequence[Source],
     target: str | os.PathLike[str],
     *,
-    dtype: Any = "float32",
+    dtype: Any = None,
     hierarchy: Hierarchy | None = None,
+    memory: str | int | None = None,
+    scratch: str | os.PathLike[str] | None = None,
+    radius: float | str | None = None,
+    positions: str | None = None,
+    color_by: str | None = None,
+    colormap: str | None = None,
+    color_range: tuple[float, float] | None = None,
+    skip_invalid: bool = False,
+    triangulate: bool = False,
     progress: Report | None = None,
     durable: bool = True,
 ) -> Store:
@@ -55,15 +101,41 @@ def convert(
     Parameters
     ----------
     source : path-like, or sequence of path-like
-        An NFF file, "-" for NFF from standard input, or ``spd:NAME:SIZE`` for a standard scene.
-        Of several, each becomes a group, with a grid of its own: one small dense thing in a large
-        sparse one. The view, the lights and the background are the first file's.
+        A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, "-" for NFF from
+        standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group,
+        with a grid of its own: one small dense thing in a large sparse one. The view, the lights
+        and the background are the first file's.
     target : path-like
         The store to make. One that is there is replaced when the new one is complete.
-    dtype : {"float32", "float64"}
-        What geometry is stored as.
+    dtype : {None, "float32", "float64"}
+        What geometry is stored as. None keeps numbers as the file has them: float32 or float64 by
+        its types, float64 where it is text without types (OBJ, text STL); of NFF and standard
+        scenes alone it is float32.
     hierarchy : Hierarchy, optional
         Settings of the box hierarchy; by default the paper's, for a standard scene its own.
+    memory : str or int, optional
+        The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
+        machine's memory, or of its cgroup's limit. A mesh whose vertices take more is joined on
+        disk, by passes that go forward.
+    scratch : path-like, optional
+        Folder for such a join; by default the target's parent.
+    radius : float or str, optional
+        Of points, in the file's units, or the name of the column or array that has each one's.
+    positions : str, optional
+        Name of the array or dataset that has the points' positions.
+    color_by : str, optional
+        Name of a column or array of numbers that a map makes colors of; "rgb" for a file's own
+        colors, which are rounded to 65,536. A face has the mean of its vertices.
+    colormap : str, optional
+        "cubehelix", the default, or "gray"; with matplotlib any of its maps.
+    color_range : (float, float), optional
+        The numbers of the map's first and last color. By default the least and the greatest, which
+        costs a pass.
+    skip_invalid : bool
+        Drop objects that are not finite, and say how many; by default they are refused.
+    triangulate : bool
+        Store faces of four and more corners as fans of triangles; by default they are polygons,
+        each in the plane that fits it.
     progress : callable, optional
         Called with the bytes read so far, of all files.
     durable : bool
@@ -76,36 +148,89 @@ def convert(
 
     Raises
     ------
-    SceneError
-        If the file is no scene: one line with file, line, what was found and expected. Nothing
-        is left behind.
+    SceneError, ShortReadError
+        If a file is not what it should be: one line with file, place, what was found and
+        expected. Nothing is left behind.
+    BudgetError
+        If the budget is below the least that works, which the message names.
     SettingError
-        If no reader knows the file's suffix.
+        If no reader knows the file's suffix, or a setting does not fit what it has.
     """
     sources = [source] if isinstance(source, (str, os.PathLike)) else source
     names = [os.fspath(each) for each in sources]
     if not names:
         raise SettingError("convert: found no scene, expected one or more")
-    scenes = [parse_spd(name) if name.startswith("spd:") else None for name in names]
+    readers = [reader_of(name) for name in names]
+    reading = Reading(
+        radius=radius,
+        positions=positions,
+        color_by=color_by,
+        colormap=colormap,
+        color_range=color_range,
+        skip_invalid=skip_invalid,
+        triangulate=triangulate,
+        memory=room_for_vertices(memory),
+        scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
+    )
+    pairs = zip(names, readers, strict=True)
+    scenes = [None if reader else parse_spd(name) for name, reader in pairs]
     if scenes[0] is not None:
         hierarchy = hierarchy or scenes[0].hierarchy
+    plain = all(reader in (None, read_nff_as_is) for reader in readers)
     with SceneWriter(
-        target, dtype=dtype, origin=(0.0, 0.0, 0.0), hierarchy=hierarchy, durable=durable
+        target,
+        dtype="float32" if plain and dtype is None else dtype,
+        origin=(0.0, 0.0, 0.0) if plain else None,
+        hierarchy=hierarchy,
+        durable=durable,
     ) as writer:
         if scenes[0] is not None:
             writer.expect(scenes[0].counts, scenes[0].surface)
-        for number, (name, spd) in enumerate(zip(names, scenes, strict=True)):
+        for number, (name, reader, spd) in enumerate(zip(names, readers, scenes, strict=True)):
             sink = GroupSink(writer, number)
-            if spd is not None:
+            if reader is not None:
+                read_scene(reader, name, sink, reading, after(progress, names[:number]))
+            elif spd is not None:
+                reading.refuse_all_but(name)
                 spd.feed(sink, usable_threads())
-            elif name == "-" or Path(name).suffix.lower() in SUFFIXES:
-                read_scene(name, sink, after(progress, names[:number]))
-            else:
-                raise SettingError(
-                    f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(SUFFIXES)}, "
-                    "spd:NAME:SIZE, or - for NFF from standard input"
-                )
     return open_store(target)
+
+
+def reader_of(name: str) -> Reader | None:
+    """What reads a file; None for a standard scene.
+
+    Raises
+    ------
+    SettingError
+        If nothing does.
+    """
+    if name.startswith("spd:"):
+        return None
+    suffix = ".nff" if name == "-" else Path(name).suffix.lower()
+    if suffix not in READERS:
+        raise SettingError(
+            f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(READERS)}, "
+            "spd:NAME:SIZE, or - for NFF from standard input"
+        )
+    return READERS[suffix]
+
+
+def room_for_vertices(memory: str | int | None) -> int:
+    """Bytes of a budget that a mesh's vertices may take.
+
+    Raises
+    ------
+    BudgetError
+        If there are too few.
+    """
+    budget = default_memory() if memory is None else parse_memory(memory)
+    room = budget - CONVERTING
+    if room < FEWEST_VERTICES:
+        raise BudgetError(
+            f"memory: found {budget >> 20}MiB, expected "
+            f"{format_memory(CONVERTING + FEWEST_VERTICES)} or more to convert a scene"
+        )
+    return room
 
 
 def after(progress: Report | None, files: list[str]) -> Report | None:
@@ -187,11 +312,13 @@ class Behind:
             self._thread.shutdown(cancel_futures=True)
 
 
-def read_scene(name: str, sink: GroupSink, progress: Report | None) -> None:
-    """Read NFF into a sink, whose own complaints get the file's name too."""
+def read_scene(
+    reader: Reader, name: str, sink: GroupSink, reading: Reading, progress: Report | None
+) -> None:
+    """Read a file into a sink, whose own complaints get the file's name too."""
     try:
         with Behind(sink) as behind:
-            read_nff(name, behind, progress=progress)
+            reader(name, behind, reading, progress)
     except SceneError as error:
         if str(error).startswith((name, "<stdin>")):
             raise

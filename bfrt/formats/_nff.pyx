@@ -21,7 +21,7 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memcmp, memcpy, memmove
 
 from bfrt.formats.text cimport (
-    ENDLESS, FOUND, HASH, MINUS, NEWLINE, NO_FINITE, NO_INTEGER, NO_NUMBER, NOT_ASCII, NUL, PLUS,
+    ENDLESS, FOUND, MINUS, NEWLINE, NO_FINITE, NO_INTEGER, NO_NUMBER, NOT_ASCII, NUL, PLUS,
     POINT, RETURN, SPACE, STARVED, TOKEN_BYTES, Text, consume, find_token, measure, pass_blanks,
     read_integer, read_number,
 )

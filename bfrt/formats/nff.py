@@ -33,13 +33,9 @@ import io
 import os
 import sys
 from collections.abc import Callable
-from typing import BinaryIO, Protocol
-
-import numpy as np
-import numpy.typing as npt
+from typing import BinaryIO
 
 from bfrt.errors import SceneError, StreamError
-from bfrt.records import Kind
 from bfrt.formats._nff import (
     MAX_RESOLUTION,
     MAX_TOKEN,
@@ -49,6 +45,8 @@ from bfrt.formats._nff import (
     Fault,
     Parser,
 )
+from bfrt.formats.outlet import SceneSink
+from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material, Vector
 
 CHUNK_BYTES = 1 << 20
@@ -89,62 +87,6 @@ _CORNERS: dict[int, tuple[str, tuple[str, ...]]] = {
     Entity.POLYGON_VERTEX: ("p", _XYZ),
     Entity.PATCH_VERTEX: ("pp", (*_XYZ, *(f"normal {i}" for i in _XYZ))),
 }
-
-
-class SceneSink(Protocol):
-    """What ``read_nff`` writes to.
-
-    The arrays of ``append`` and ``append_polygons`` are views of buffers that the reader uses
-    again: a sink copies what it keeps. Objects of a kind come in input order, in blocks; blocks of
-    different kinds come as they fill.
-    """
-
-    def camera(self, camera: Camera, /) -> object:
-        """Take the view; not called for a file without one."""
-
-    def light(self, light: Light, /) -> object:
-        """Take one light."""
-
-    def background(self, color: Vector, /) -> object:
-        """Take the background color, (0, 0, 0) for a file without one."""
-
-    def material(self, material: Material, /) -> int:
-        """Return the palette index of a material, the same for the same material."""
-
-    def append(
-        self, kind: Kind, records: npt.NDArray[np.float64], materials: npt.NDArray[np.uint32], /
-    ) -> object:
-        """Take objects of a kind that is not a polygon.
-
-        Parameters
-        ----------
-        kind : Kind
-            Sphere, cone, triangle or patch.
-        records : ndarray of float64, shape (n, 4), (n, 8), (n, 9) or (n, 18)
-            Sphere: center, radius. Cone: base, its radius, apex, its radius. Triangle: three
-            vertices. Patch: three vertices, three normals.
-        materials : ndarray of uint32, shape (n,)
-            Palette indices.
-        """
-
-    def append_polygons(
-        self,
-        vertices: npt.NDArray[np.float64],
-        counts: npt.NDArray[np.int64],
-        materials: npt.NDArray[np.uint32],
-        /,
-    ) -> object:
-        """Take polygons of four and more vertices.
-
-        Parameters
-        ----------
-        vertices : ndarray of float64, shape (m, 3)
-            The vertices of all polygons, one polygon after the other.
-        counts : ndarray of int64, shape (n,)
-            The vertices of each; their sum is m.
-        materials : ndarray of uint32, shape (n,)
-            Palette indices.
-        """
 
 
 def read_nff(

@@ -1,8 +1,8 @@
 """Text as readers of scenes have it: blanks, tokens, lines and numbers, without the GIL.
 
 A text is a buffer with one byte before what is read and a NUL behind it. The NUL ends every inner
-loop: only what stops at a NUL compares with ``end``. Tokens are at most ``TOKEN_BYTES`` long and are
-separated by blanks; ``#`` begins a comment that the line ends.
+loop: only what stops at a NUL compares with ``end``. Tokens have at most ``TOKEN_BYTES``; blanks
+part them; ``#`` begins a comment that the line ends.
 """
 
 from libc.math cimport INFINITY, NAN, isinf

@@ -1,0 +1,38 @@
+import enum
+
+import numpy as np
+import numpy.typing as npt
+
+MOST_CORNERS: int
+
+class Fault(enum.IntEnum):
+    NO_NUMBER = 1
+    FEW_NUMBERS = 2
+    NO_INDEX = 3
+    NO_VERTEX = 4
+    FEW_CORNERS = 5
+    MANY_CORNERS = 6
+
+class Statement(enum.IntEnum):
+    MATERIAL = 0
+    LIBRARY = 1
+
+class Lines:
+    vertices: int
+    faces: int
+    colored: int
+    unknown: int
+    fault: int
+    def __init__(self, of_faces: bool) -> None: ...
+    @property
+    def line(self) -> int: ...
+    @property
+    def token(self) -> bytes: ...
+    def parse(
+        self, chunk: npt.NDArray[np.uint8]
+    ) -> tuple[
+        npt.NDArray[np.float64],
+        npt.NDArray[np.int64],
+        npt.NDArray[np.uint32],
+        list[tuple[int, Statement, bytes]],
+    ]: ...

@@ -1,0 +1,289 @@
+"""Lines of OBJ, without the GIL: vertices or faces, in whole lines.
+
+Both passes count vertices, of which a face's negative numbers need those before it.
+"""
+
+cimport cython
+from libc.stdint cimport int64_t, uint32_t
+
+from bfrt.formats.text cimport (
+    FOUND, HASH, MINUS, NEWLINE, NUL, PLUS, RETURN, Text, consume, is_blank, measure,
+    pass_blanks, read_any_number,
+)
+
+import numpy as np
+
+cdef enum:
+    COLUMNS = 6
+    LONGEST = 1 << 20
+    BACKSLASH = 92
+    SLASH = 47
+
+cpdef enum Fault:
+    NO_NUMBER = 1
+    FEW_NUMBERS
+    NO_INDEX
+    NO_VERTEX
+    FEW_CORNERS
+    MANY_CORNERS
+
+cpdef enum Statement:
+    MATERIAL
+    LIBRARY
+
+MOST_CORNERS = LONGEST
+
+# Statements that shape nothing bfrt draws, or only how it is shaded or named.
+cdef const char *PASSED[20]
+PASSED[:] = [
+    b"vt", b"vn", b"vp", b"g", b"o", b"s", b"mg", b"l", b"p", b"shadow_obj", b"trace_obj",
+    b"bevel", b"c_interp", b"d_interp", b"lod", b"maplib", b"usemap", b"usemtl", b"mtllib", b"call",
+]
+
+
+cdef inline bint is_end(unsigned char byte) noexcept nogil:
+    return byte == NEWLINE or byte == RETURN
+
+
+@cython.final
+cdef class Lines:
+    """Take lines apart.
+
+    Parameters
+    ----------
+    of_faces : bool
+        Whether faces are wanted, and not vertices.
+
+    Attributes
+    ----------
+    vertices, faces : int
+        Read so far.
+    colored : int
+        Vertices that had a color.
+    unknown : int
+        Statements that are not known, passed over.
+    """
+
+    cdef readonly int64_t vertices
+    cdef readonly int64_t faces
+    cdef readonly int64_t colored
+    cdef readonly int64_t unknown
+    cdef readonly int fault
+    cdef bint of_faces
+    cdef Text text
+    cdef double *out_vertices
+    cdef int64_t *out_corners
+    cdef uint32_t *out_counts
+    cdef Py_ssize_t rows
+    cdef Py_ssize_t corners
+    cdef Py_ssize_t counts
+    cdef list statements
+
+    def __init__(self, bint of_faces):
+        self.of_faces = of_faces
+        self.vertices = self.faces = self.colored = self.unknown = 0
+        self.fault = 0
+        self.text.line = 1
+        self.text.ended = True
+        self.text.comment = False
+
+    @property
+    def line(self):
+        """The line of the last token."""
+        return self.text.line
+
+    @property
+    def token(self):
+        """The last token."""
+        return self.text.token[:self.text.length]
+
+    def parse(self, const unsigned char[::1] chunk not None):
+        """Read whole lines, with a byte before and a NUL behind.
+
+        Returns
+        -------
+        vertices : (n, 6) float64
+            x y z, and r g b from 0 to 1, or -1.
+        corners : (m,) int64
+            Vertices of faces, from 0.
+        counts : (k,) uint32
+            Corners of each.
+        statements : list of (int, Statement, bytes)
+            Of materials: the faces of the chunk that come before, what it is, and its text.
+        """
+        cdef Py_ssize_t size = chunk.shape[0]
+        cdef double[:, ::1] vertices
+        cdef int64_t[::1] corners
+        cdef uint32_t[::1] counts
+        # "v 0 0 0\n" and "f 1 1 1\n" are the shortest, a corner takes two bytes.
+        vertices_owner = np.empty((1 if self.of_faces else size // 8 + 1, COLUMNS))
+        corners_owner = np.empty(size // 2 + 1 if self.of_faces else 1, np.int64)
+        counts_owner = np.empty(size // 8 + 1 if self.of_faces else 1, np.uint32)
+        vertices, corners, counts = vertices_owner, corners_owner, counts_owner
+        self.out_vertices, self.out_corners = &vertices[0, 0], &corners[0]
+        self.out_counts = &counts[0]
+        self.rows = self.corners = self.counts = 0
+        self.statements = []
+        self.text.at = self.text.token = <unsigned char *>&chunk[1]
+        self.text.end = <unsigned char *>&chunk[size - 1]
+        self.text.length = 0
+        with nogil:
+            self.run()
+        return (
+            vertices_owner[:self.rows], corners_owner[:self.corners],
+            counts_owner[:self.counts], self.statements,
+        )
+
+    cdef int run(self) except -1 nogil:
+        while not self.fault and pass_blanks(&self.text):
+            self.read_statement()
+        return 0
+
+    cdef bint in_line(self) noexcept nogil:
+        """Go to the next token of the line."""
+        cdef unsigned char *at = self.text.at
+        while at < self.text.end and not is_end(at[0]):
+            if at[0] == BACKSLASH and is_end(at[1]):
+                at = self.next_line(at)
+            elif is_blank(at[0]):
+                at += 1
+            else:
+                break
+        self.text.at = at
+        return at < self.text.end and not is_end(at[0]) and at[0] != HASH
+
+    cdef unsigned char *next_line(self, unsigned char *at) noexcept nogil:
+        """Past a backslash and the line's end behind it, where the line goes on."""
+        self.text.line += 1
+        return at + (3 if at[1] == RETURN and at[2] == NEWLINE else 2)
+
+    cdef void skip_line(self) noexcept nogil:
+        """Go to where the line ends."""
+        cdef unsigned char *at = self.text.at
+        while at < self.text.end and not is_end(at[0]):
+            if at[0] == BACKSLASH and is_end(at[1]):
+                at = self.next_line(at)
+            else:
+                at += 1
+        self.text.at = min(at, self.text.end)
+
+    cdef int fail(self, int fault) noexcept nogil:
+        self.fault = fault
+        return 0
+
+    cdef int read_statement(self) except -1 nogil:
+        cdef unsigned char *at = self.text.at
+        if at[0] == b"v" and is_blank(at[1]):
+            self.text.at += 1
+            return self.read_vertex()
+        if at[0] == b"f" and (is_blank(at[1]) or (at[1] == b"o" and is_blank(at[2]))):
+            self.text.at += 1 if is_blank(at[1]) else 2
+            if self.of_faces:
+                return self.read_face()
+        elif self.of_faces:
+            self.note_statement()
+        self.skip_line()
+        return 0
+
+    cdef int read_vertex(self) except -1 nogil:
+        """x y z, and a color or -1; a weight is passed over."""
+        cdef double values[8]
+        cdef int count = 0
+        cdef int i
+        cdef double *out
+        self.vertices += 1
+        if self.of_faces:
+            self.skip_line()
+            return 0
+        while count < 8 and self.in_line():
+            if read_any_number(&self.text, &values[count]) != FOUND:
+                return self.fail(NO_NUMBER)
+            count += 1
+        if count < 3:
+            self.text.length = 0
+            return self.fail(FEW_NUMBERS)
+        self.skip_line()
+        out = self.out_vertices + COLUMNS * self.rows
+        for i in range(3):
+            out[i] = values[i]
+            # "x y z r g b", or "x y z w r g b" as some write it.
+            out[3 + i] = values[count - 3 + i] if count >= 6 else -1.0
+        self.colored += count >= 6
+        self.rows += 1
+        return 0
+
+    cdef int read_face(self) except -1 nogil:
+        cdef int64_t index
+        cdef int64_t count = 0
+        while self.in_line():
+            if not self.read_corner(&index):
+                return 0
+            if count == LONGEST:
+                return self.fail(MANY_CORNERS)
+            self.out_corners[self.corners + count] = index
+            count += 1
+        if count < 3:
+            self.text.length = 0
+            return self.fail(FEW_CORNERS)
+        self.corners += count
+        self.out_counts[self.counts] = <uint32_t>count
+        self.counts += 1
+        self.faces += 1
+        return 0
+
+    cdef bint read_corner(self, int64_t *index) noexcept nogil:
+        """A vertex's number, and what a slash parts from it: texture and normal are not kept."""
+        cdef Py_ssize_t i = 0
+        cdef int64_t value = 0
+        cdef bint minus
+        if measure(&self.text) != FOUND:
+            self.fail(NO_INDEX)
+            return False
+        minus = self.text.token[0] == MINUS
+        if minus or self.text.token[0] == PLUS:
+            i = 1
+        if i == self.text.length or <unsigned char>(self.text.token[i] - 48) >= 10:
+            self.fail(NO_INDEX)
+            return False
+        while i < self.text.length and <unsigned char>(self.text.token[i] - 48) < 10:
+            value = min(value * 10 + (self.text.token[i] - 48), <int64_t>1 << 50)
+            i += 1
+        if i < self.text.length and self.text.token[i] != SLASH:
+            self.fail(NO_INDEX)
+            return False
+        index[0] = self.vertices - value if minus else value - 1
+        if value == 0 or index[0] < 0:
+            self.fail(NO_VERTEX)
+            return False
+        consume(&self.text)
+        return True
+
+    cdef int note_statement(self) noexcept nogil:
+        """Keep what tells of materials; count what nobody knows."""
+        measure(&self.text)
+        if self.is_word(b"usemtl") or self.is_word(b"mtllib"):
+            with gil:
+                self._keep()
+            return 0
+        cdef int i
+        for i in range(20):
+            if self.is_word(PASSED[i]):
+                return 0
+        self.unknown += 1
+        return 0
+
+    cdef bint is_word(self, const char *word) noexcept nogil:
+        cdef Py_ssize_t i = 0
+        while word[i] and i < self.text.length:
+            if word[i] != self.text.token[i]:
+                return False
+            i += 1
+        return word[i] == NUL and i == self.text.length
+
+    cdef _keep(self):
+        cdef unsigned char *at = self.text.token + self.text.length
+        cdef unsigned char *end = at
+        while end < self.text.end and end[0] != NEWLINE and end[0] != RETURN:
+            end += 1
+        kind = Statement.MATERIAL if self.is_word(b"usemtl") else Statement.LIBRARY
+        self.statements.append((self.counts, kind, bytes(at[:end - at]).strip()))

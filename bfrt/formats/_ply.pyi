@@ -1,0 +1,39 @@
+import enum
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+MOST_PROPERTIES: int
+MOST_CORNERS: int
+
+class Fault(enum.IntEnum):
+    BAD_NUMBER = 1
+    NEGATIVE_COUNT = 2
+    NO_INDEX = 3
+    LONG_FACE = 4
+
+class Rows:
+    row: int
+    fault: int
+    def __init__(
+        self,
+        rows: int,
+        kinds: Sequence[int],
+        counts: Sequence[int],
+        columns: Sequence[int],
+        width: int,
+        layout: str,
+        strips: bool,
+        line: int,
+    ) -> None: ...
+    @property
+    def done(self) -> bool: ...
+    @property
+    def line(self) -> int: ...
+    @property
+    def token(self) -> bytes: ...
+    def parse(
+        self, chunk: npt.NDArray[np.uint8]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32], npt.NDArray[Any], int]: ...

@@ -1,0 +1,346 @@
+"""Rows of a PLY element, of text or of bytes, without the GIL.
+
+A chunk may end anywhere between values. Where a row is (`property`, `left` of its list) lives in
+the parser, so that a list may be longer than a chunk and a strip of triangles longer than memory.
+
+``ply.py`` reads the header, says what is wanted of a row, and words the errors.
+"""
+
+cimport cython
+from libc.math cimport floor
+from libc.stdint cimport int8_t, int16_t, int32_t, int64_t, uint16_t, uint32_t
+from libc.string cimport memcpy
+
+from bfrt.formats.text cimport FOUND, Text, find_token, read_any_number
+
+import numpy as np
+
+# The types of values, in the order of `ply.TYPES`.
+cdef enum:
+    INT8
+    UINT8
+    INT16
+    UINT16
+    INT32
+    UINT32
+    FLOAT32
+    FLOAT64
+
+cpdef enum Fault:
+    BAD_NUMBER = 1
+    NEGATIVE_COUNT
+    NO_INDEX
+    LONG_FACE
+
+cdef enum:
+    MOST = 64  # properties of an element
+    LONGEST = 1 << 20
+    # What a value ends with.
+    GOT = 0
+    DRY = -2
+    BAD = -3
+
+MOST_PROPERTIES = MOST
+MOST_CORNERS = LONGEST
+
+cdef int SIZES[8]
+SIZES[:] = [1, 1, 2, 2, 4, 4, 4, 8]
+
+
+cdef inline void reverse(unsigned char *bytes, int size) noexcept nogil:
+    cdef unsigned char byte
+    cdef int i
+    for i in range(size // 2):
+        byte = bytes[i]
+        bytes[i] = bytes[size - 1 - i]
+        bytes[size - 1 - i] = byte
+
+
+cdef inline double value_of(const unsigned char *at, int kind, bint swapped) noexcept nogil:
+    """A value, as a double, which holds each exactly."""
+    cdef unsigned char bytes[8]
+    memcpy(bytes, at, SIZES[kind])
+    if swapped:
+        reverse(bytes, SIZES[kind])
+    if kind == UINT8:
+        return bytes[0]
+    if kind == INT32:
+        return (<int32_t *>bytes)[0]
+    if kind == FLOAT32:
+        return (<float *>bytes)[0]
+    if kind == FLOAT64:
+        return (<double *>bytes)[0]
+    if kind == UINT32:
+        return (<uint32_t *>bytes)[0]
+    if kind == INT16:
+        return (<int16_t *>bytes)[0]
+    if kind == UINT16:
+        return (<uint16_t *>bytes)[0]
+    return (<int8_t *>bytes)[0]
+
+
+@cython.final
+cdef class Rows:
+    """Take an element's rows apart.
+
+    Parameters
+    ----------
+    rows : int
+        How many there are.
+    kinds, counts : sequence of int
+        The type of each property, and that of its list's count; -1 where it is no list.
+    columns : sequence of int
+        Where each property goes: a column, or -1; of the list that is wanted `width`.
+    width : int
+        Columns.
+    layout : {"text", "little", "big"}
+    strips : bool
+        Whether the list is a strip of triangles, in which -1 begins a new one.
+
+    Attributes
+    ----------
+    row : int
+        That comes next, or is bad.
+    """
+
+    cdef readonly int64_t row
+    cdef readonly int fault
+    cdef int64_t rows
+    cdef int properties
+    cdef int kinds[MOST]
+    cdef int counts[MOST]
+    cdef int columns[MOST]
+    cdef int width
+    cdef bint text_form
+    cdef bint swapped
+    cdef bint strips
+
+    cdef int property
+    cdef int64_t left  # items of the list that is read, -1 before its count
+    cdef int64_t have  # corners of the face that is read
+    cdef int64_t first  # the last two corners of a strip, of which it has had `turn`
+    cdef int64_t second
+    cdef int64_t turn
+    cdef double values[MOST]
+    cdef Text text
+    cdef const unsigned char *at
+    cdef const unsigned char *end
+
+    cdef int64_t *out_items
+    cdef uint32_t *out_counts
+    cdef double *out_values
+    cdef Py_ssize_t items
+    cdef Py_ssize_t faces
+    cdef object pending
+
+    def __init__(self, int64_t rows, kinds, counts, columns, int width, str layout,
+                 bint strips, int64_t line):
+        if len(kinds) > MOST:
+            raise ValueError(f"{len(kinds)} properties: no room for them")
+        self.rows = rows
+        self.properties = len(kinds)
+        for i in range(self.properties):
+            self.kinds[i], self.counts[i], self.columns[i] = kinds[i], counts[i], columns[i]
+        self.width = width
+        self.text_form = layout == "text"
+        self.swapped = layout == "big"
+        self.strips = strips
+        self.row = self.property = self.fault = 0
+        self.left = -1
+        self.have = self.turn = 0
+        self.text.line = line
+        self.text.ended = True
+        self.text.comment = False
+        self.pending = np.empty(0, np.int64)
+
+    @property
+    def done(self):
+        return self.row == self.rows
+
+    @property
+    def line(self):
+        """The line of the last token."""
+        return self.text.line
+
+    @property
+    def token(self):
+        """The last token of text."""
+        return self.text.token[:self.text.length]
+
+    def parse(self, const unsigned char[::1] chunk not None):
+        """Read on.
+
+        Parameters
+        ----------
+        chunk : (n,) uint8
+            Of bytes; of text with a byte before and a NUL behind.
+
+        Returns
+        -------
+        corners : (m,) int64
+            Of the faces that are complete now; of strips three a triangle.
+        counts : (k,) uint32
+            Corners of each.
+        values : (k, width) float64
+            Of each row; of strips nothing.
+        used : int
+            Bytes.
+        """
+        cdef Py_ssize_t size = chunk.shape[0]
+        cdef int64_t[::1] items
+        cdef uint32_t[::1] counts
+        cdef double[:, ::1] values
+        before = len(self.pending)
+        # No value takes less than a byte, no text less than two; a strip's makes three corners.
+        most = size // 2 + 1 if self.text_form else size
+        items_owner = np.empty(before + (3 if self.strips else 1) * most + 1, np.int64)
+        items_owner[:before] = self.pending
+        counts_owner = np.empty(most + 1, np.uint32)
+        values_owner = np.empty((most + 1, max(self.width, 1)))
+        items, counts, values = items_owner, counts_owner, values_owner
+        self.out_items, self.out_counts, self.out_values = &items[0], &counts[0], &values[0, 0]
+        self.items, self.faces = before, 0
+        if self.text_form:
+            self.text.at = self.text.token = <unsigned char *>&chunk[1]
+            self.text.length = 0
+            self.text.end = <unsigned char *>&chunk[size - 1]
+        elif size:
+            self.at, self.end = &chunk[0], &chunk[0] + size
+        else:
+            self.at = self.end = NULL
+        with nogil:
+            self.run()
+        whole = self.items - self.have
+        self.pending = items_owner[whole:self.items].copy()
+        if self.text_form:
+            used = self.text.at - <unsigned char *>&chunk[1]
+        else:
+            used = size - (self.end - self.at)
+        return (
+            items_owner[:whole], counts_owner[:self.faces],
+            values_owner[:self.faces, :self.width], used,
+        )
+
+    cdef int run(self) except -1 nogil:
+        """Rows, as far as the chunk and the element go."""
+        cdef int status = GOT
+        while self.row < self.rows and status == GOT:
+            while self.property < self.properties and status == GOT:
+                if self.counts[self.property] < 0:
+                    status = self.read_scalar()
+                else:
+                    status = self.read_list()
+                if status == GOT:
+                    self.property += 1
+            if status == GOT:
+                self.end_row()
+        return status
+
+    cdef int end_row(self) noexcept nogil:
+        if not self.strips:
+            memcpy(self.out_values + self.faces * max(self.width, 1), self.values,
+                   self.width * sizeof(double))
+            self.out_counts[self.faces] = <uint32_t>self.have
+            self.faces += 1
+        self.have = self.turn = 0
+        self.property = 0
+        self.row += 1
+        return GOT
+
+    cdef int read_scalar(self) except -1 nogil:
+        cdef double x
+        cdef int status = self.next(self.kinds[self.property], &x)
+        cdef int column = self.columns[self.property]
+        if status == GOT and 0 <= column < self.width:
+            self.values[column] = x
+        return status
+
+    cdef int read_list(self) except -1 nogil:
+        cdef double x
+        cdef int status
+        cdef int kind = self.kinds[self.property]
+        cdef bint wanted = self.columns[self.property] == self.width
+        if self.left < 0:
+            status = self.next(self.counts[self.property], &x)
+            if status != GOT:
+                return status
+            if not 0 <= x < 1e15 or x != floor(x):
+                return self.fail(NEGATIVE_COUNT)
+            if wanted and not self.strips and x > LONGEST:
+                return self.fail(LONG_FACE)
+            self.left = <int64_t>x
+        if wanted and self.is_plain(kind):
+            self.take_plain()
+        while self.left > 0:
+            status = self.next(kind, &x)
+            if status != GOT:
+                return status
+            if wanted:
+                if not -1e18 < x < 1e18 or x != floor(x):
+                    return self.fail(NO_INDEX)
+                self.take(<int64_t>x)
+            self.left -= 1
+        self.left = -1
+        return GOT
+
+    cdef bint is_plain(self, int kind) noexcept nogil:
+        """Whether what is left of the list is there, as this machine has its integers."""
+        return (
+            kind == INT32 and not (self.text_form or self.swapped or self.strips)
+            and self.end - self.at >= 4 * self.left
+        )
+
+    cdef void take_plain(self) noexcept nogil:
+        """What nearly all files hold: a face at a time."""
+        cdef int64_t *out = self.out_items + self.items
+        cdef int32_t index
+        cdef int64_t i
+        for i in range(self.left):
+            memcpy(&index, self.at + 4 * i, 4)
+            out[i] = index
+        self.at += 4 * self.left
+        self.items += self.left
+        self.have += self.left
+        self.left = 0
+
+    cdef int take(self, int64_t index) noexcept nogil:
+        """A corner of a face, or the next of a strip: every other triangle of it turns round."""
+        cdef int64_t *out = self.out_items + self.items
+        if not self.strips:
+            out[0] = index
+            self.items += 1
+            self.have += 1
+            return GOT
+        if index == -1:
+            self.turn = 0
+            return GOT
+        if self.turn >= 2:
+            out[0] = self.first if self.turn % 2 == 0 else self.second
+            out[1] = self.second if self.turn % 2 == 0 else self.first
+            out[2] = index
+            self.items += 3
+            self.out_counts[self.faces] = 3
+            self.faces += 1
+        self.first = self.second
+        self.second = index
+        self.turn += 1
+        return GOT
+
+    cdef inline int next(self, int kind, double *out) except -1 nogil:
+        """The next value."""
+        if self.text_form:
+            if not find_token(&self.text):
+                self.text.length = 0
+                return DRY
+            if read_any_number(&self.text, out) != FOUND:
+                return self.fail(BAD_NUMBER)
+            return GOT
+        if self.end - self.at < SIZES[kind]:
+            return DRY
+        out[0] = value_of(self.at, kind, self.swapped)
+        self.at += SIZES[kind]
+        return GOT
+
+    cdef int fail(self, int fault) noexcept nogil:
+        self.fault = fault
+        return BAD

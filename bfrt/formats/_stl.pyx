@@ -1,0 +1,133 @@
+"""Facets of text STL, without the GIL."""
+
+cimport cython
+from libc.string cimport memcpy, strlen
+
+from bfrt.formats.text cimport FOUND, Text, consume, find_token, measure, read_any_number
+
+import numpy as np
+
+cdef enum:
+    STEPS = 21  # tokens of a facet
+
+# A facet's tokens; NULL is a number, of the normal or of a vertex.
+cdef const char *FACET[STEPS]
+FACET[:] = [
+    b"facet", b"normal", NULL, NULL, NULL, b"outer", b"loop",
+    b"vertex", NULL, NULL, NULL, b"vertex", NULL, NULL, NULL, b"vertex", NULL, NULL, NULL,
+    b"endloop", b"endfacet",
+]
+
+cdef int FIRST_VERTEX = 7  # step from which on numbers are kept
+
+
+@cython.final
+cdef class Facets:
+    """Take the text of solids apart.
+
+    Attributes
+    ----------
+    failed : bool
+        Whether the last token is wrong; `expected` is what should be there.
+    """
+
+    cdef readonly bint failed
+    cdef int step
+    cdef int have
+    cdef double values[9]
+    cdef Text text
+
+    def __init__(self):
+        self.failed = False
+        self.step = self.have = 0
+        self.text.line = 1
+        self.text.ended = True
+        self.text.comment = False
+
+    @property
+    def complete(self):
+        """Whether the text may end here."""
+        return self.step == 0
+
+    @property
+    def line(self):
+        """The line of the last token."""
+        return self.text.line
+
+    @property
+    def token(self):
+        """The last token."""
+        return self.text.token[:self.text.length]
+
+    @property
+    def expected(self):
+        """What comes next."""
+        if self.step == 0:
+            return "solid, facet or endsolid"
+        return "a number" if FACET[self.step] == NULL else FACET[self.step].decode()
+
+    def parse(self, const unsigned char[::1] chunk not None):
+        """Read a chunk on: whole tokens, with a byte before and a NUL behind.
+
+        Returns
+        -------
+        (n, 9) float64
+            Three vertices of each facet that is complete now.
+        """
+        cdef Py_ssize_t size = chunk.shape[0]
+        cdef double[:, ::1] out
+        # A facet's tokens take more bytes than there are tokens.
+        owner = np.empty((size // STEPS + 1, 9))
+        out = owner
+        self.text.at = self.text.token = <unsigned char *>&chunk[1]
+        self.text.end = <unsigned char *>&chunk[size - 1]
+        self.text.length = 0
+        cdef Py_ssize_t count
+        with nogil:
+            count = self.run(&out[0, 0])
+        return owner[:count]
+
+    cdef Py_ssize_t run(self, double *out) except -1 nogil:
+        cdef Py_ssize_t count = 0
+        cdef double x
+        while find_token(&self.text):
+            if FACET[self.step] == NULL:
+                if read_any_number(&self.text, &x) != FOUND:
+                    self.failed = True
+                    return count
+                if self.step > FIRST_VERTEX:
+                    self.values[self.have] = x
+                    self.have += 1
+            elif not self.pass_word():
+                self.failed = True
+                return count
+            self.step += 1
+            if self.step == STEPS:
+                memcpy(out + 9 * count, self.values, sizeof(self.values))
+                count += 1
+                self.step = self.have = 0
+        self.text.length = 0
+        return count
+
+    cdef bint pass_word(self) noexcept nogil:
+        """Pass over the word that is due, or before a facet over a solid's begin or end."""
+        measure(&self.text)
+        if self.is_word(FACET[self.step]):
+            consume(&self.text)
+            return True
+        if self.step == 0 and (self.is_word(b"solid") or self.is_word(b"endsolid")):
+            consume(&self.text)
+            self.text.comment = True  # its name goes to the line's end
+            self.step = -1
+            return True
+        return False
+
+    cdef bint is_word(self, const char *word) noexcept nogil:
+        """Whether the token is a word, in any case."""
+        cdef Py_ssize_t i
+        if self.text.length != <Py_ssize_t>strlen(word):
+            return False
+        for i in range(self.text.length):
+            if self.text.token[i] | 32 != word[i]:
+                return False
+        return True

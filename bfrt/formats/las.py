@@ -1,0 +1,115 @@
+"""LAS and LAZ: points of scans, by laspy, a chunk of points at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import SceneError, SettingError
+from bfrt.formats.hdf5 import told
+from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.points import BLOCK, PointBlock, write_points
+from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.source import Report, Source
+
+COLORS = ("red", "green", "blue")
+
+#: What full color is: the standard wants 16 bits.
+FULL = 65535.0
+
+
+class Scan:
+    """A scan's points: `bfrt.formats.points.Points`."""
+
+    def __init__(self, path: str, laspy: Any, reading: Reading) -> None:
+        self.name = path
+        self._laspy = laspy
+        self._asked: tuple[str, ...] = ()
+        if reading.color_by is not None:
+            self._asked = COLORS if reading.color_by == RGB else (reading.color_by,)
+        self._radius = (reading.radius,) if isinstance(reading.radius, str) else ()
+        self.painted = bool(self._asked)
+        with self._opened() as file:
+            there = set(file.header.point_format.dimension_names)
+        for name in (*self._radius, *self._asked):
+            if name not in there:
+                raise SettingError(
+                    f"{path}: found no dimension {name!r}, expected one of "
+                    f"{', '.join(sorted(there))}"
+                )
+
+    def _opened(self) -> Any:
+        # laspy and its decompressor have many errors of their own for files that are broken.
+        try:
+            return self._laspy.open(self.name)
+        except Exception as error:
+            raise SceneError(
+                f"{self.name}: found {told(error)}, expected a LAS or LAZ file"
+            ) from error
+
+    def _chunks(self) -> Iterator[Any]:
+        """All points, a chunk at a time, as many as the header says."""
+        done = 0
+        with self._opened() as file:
+            promised = file.header.point_count
+            chunks = file.chunk_iterator(BLOCK)
+            while True:
+                try:
+                    chunk = next(chunks, None)
+                except Exception as error:
+                    raise SceneError(
+                        f"{self.name}: point {done}: found {told(error)}, expected "
+                        f"{promised} points"
+                    ) from error
+                if chunk is None:
+                    break
+                done += len(chunk)
+                yield chunk
+        if done != promised:
+            raise SceneError(
+                f"{self.name}: found {done} points, expected {promised}: the file is truncated "
+                "or its count is wrong"
+            )
+
+    def blocks(self) -> Iterator[PointBlock]:
+        for chunk in self._chunks():
+            centers = np.stack([np.asarray(chunk[axis], np.float64) for axis in "xyz"], axis=-1)
+            radii = np.asarray(chunk[self._radius[0]], np.float64) if self._radius else None
+            yield PointBlock(centers, radii, self._values(chunk) if self._asked else None)
+
+    def _values(self, chunk: Any) -> NDArray[Any]:
+        columns = [np.asarray(chunk[name], np.float64) for name in self._asked]
+        return columns[0] if len(columns) == 1 else np.stack(columns, axis=-1) / FULL
+
+    def numbers(self) -> Iterator[NDArray[Any]]:
+        return (self._values(chunk) for chunk in self._chunks())
+
+
+def read_las(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
+    """Read a LAS or LAZ file: its points as spheres.
+
+    Raises
+    ------
+    SceneError
+        If it is none, or is truncated.
+    SettingError
+        If a setting does not fit it, or laspy is missing.
+    StreamError
+        If the system refuses to open it.
+    """
+    reading.refuse_all_but(path, "radius", "color_by", "colormap", "color_range", "skip_invalid")
+    try:
+        import laspy
+    except ImportError:
+        raise SettingError(f"{path}: LAS needs laspy: install bfrt[las]") from None
+    with Source(path):  # what the system says of the file is not laspy's to word
+        pass
+    outlet = Outlet(sink, path, reading)
+    write_points(Scan(path, laspy, reading), outlet)
+    outlet.report()
+    if report is not None:
+        report(Path(path).stat().st_size)

@@ -1,0 +1,236 @@
+"""Indexed meshes: faces that name vertices, joined in bounded memory by passes that go forward.
+
+Vertices that fit in memory are held there, and a face's are looked up. Where they do not fit they
+are cut into windows that do, and the join takes three passes::
+
+    faces     -> for each window a queue of places in it, in the order of the corners
+    vertices  -> for each window, held in memory: its queue of places becomes one of vertices
+    faces     -> each corner takes the next vertex from its window's queue
+
+A corner's place in its queue is known from the order alone, so that nothing is sorted and no
+number of a corner is stored: 4 bytes and a vertex a corner are written and read once, forwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import SceneError
+from bfrt.formats.colors import Painter
+from bfrt.formats.outlet import Outlet
+from bfrt.streams.spool import Spool
+
+#: Corners of a queue that are looked up at once.
+BLOCK = 1 << 17
+
+PLACE = np.dtype([("place", "<u4")])
+
+
+class Faces(NamedTuple):
+    """Some faces of a mesh.
+
+    Attributes
+    ----------
+    indices : (m,) int64
+        The vertices of all, one face after the other.
+    counts : (n,) uint32
+        How many each has.
+    values : (n,) or (n, 3) ndarray, optional
+        What each is painted by.
+    materials : (n,) uint32, optional
+    """
+
+    indices: NDArray[np.int64]
+    counts: NDArray[np.uint32]
+    values: NDArray[Any] | None = None
+    materials: NDArray[np.uint32] | None = None
+
+
+class Mesh(Protocol):
+    """A mesh whose vertices and faces can be read again and again.
+
+    Attributes
+    ----------
+    name : str
+        Of the file, for errors.
+    vertices : int
+        How many there are.
+    row : numpy.dtype
+        Of the numbers of a vertex.
+    coordinates : numpy.dtype
+        Of its position, as the file has it.
+    columns : int
+        Numbers of a vertex: three, and what it is painted by.
+    painted : bool
+        Whether vertices or faces have numbers or colors to be painted by.
+    """
+
+    name: str
+    vertices: int
+    row: np.dtype[Any]
+    coordinates: np.dtype[Any]
+    columns: int
+    painted: bool
+
+    def vertex_blocks(self) -> Iterator[NDArray[Any]]:
+        """All vertices, (n, columns) at a time."""
+        ...
+
+    def face_blocks(self) -> Iterator[Faces]:
+        """All faces."""
+        ...
+
+    def numbers(self) -> Iterator[NDArray[Any]]:
+        """What a map's range is taken from."""
+        ...
+
+
+def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
+    """All faces, painted by their own numbers or by the mean of their vertices'."""
+    reading = outlet.reading
+    reading.refuse_all_but(
+        mesh.name, "color_by", "colormap", "color_range", "skip_invalid", "triangulate"
+    )
+    painter = None
+    if mesh.painted:
+        painter = Painter(outlet.sink, reading, mesh.numbers(), mesh.name)
+    for corners, faces in joined(mesh, reading.memory, reading.scratch):
+        materials = faces.materials
+        if painter is not None:
+            values = faces.values
+            if values is None:
+                values = means(corners[:, 3:], faces.counts)
+            materials = painter.paint(values)
+        positions = corners[:, :3].astype(mesh.coordinates, copy=False)
+        outlet.faces(positions, faces.counts, materials)
+
+
+def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:
+    """The mean of each face's rows, (n,) or (n, 3)."""
+    face = np.repeat(np.arange(len(counts)), counts)
+    sums = [np.bincount(face, column, len(counts)) for column in values.T]
+    mean: NDArray[Any] = np.stack(sums, axis=-1) / np.maximum(counts, 1)[:, None]
+    return mean[:, 0] if mean.shape[1] == 1 else mean
+
+
+def joined(mesh: Mesh, memory: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
+    """The faces of a mesh with the vertices of their corners, (m, columns).
+
+    Parameters
+    ----------
+    mesh : Mesh
+    memory : int
+        Bytes that vertices may take.
+    scratch : Path
+        Folder for the queues where they take more: 4 bytes and a vertex for each corner.
+
+    Raises
+    ------
+    SceneError
+        If an index is out of range.
+    DiskFullError, StreamError
+        As the system refuses.
+    """
+    most = max(memory // (mesh.columns * mesh.row.itemsize), 1)
+    if mesh.vertices <= most:
+        return joined_in_memory(mesh)
+    return joined_on_disk(mesh, most, scratch)
+
+
+def joined_in_memory(mesh: Mesh) -> Iterator[tuple[NDArray[Any], Faces]]:
+    """With all vertices in memory: two passes, each over a part of the file."""
+    (vertices,) = windows(mesh, max(mesh.vertices, 1))
+    for faces in checked(mesh):
+        yield vertices.take(faces.indices, axis=0), faces
+
+
+def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
+    """With `most` vertices in memory at a time."""
+    row = np.dtype([("row", mesh.row, (mesh.columns,))])
+    places: list[Spool] = []
+    found: list[Spool] = []
+    try:
+        for _ in range(-(-mesh.vertices // most)):
+            places.append(Spool(PLACE, 0, scratch))
+            found.append(Spool(row, 0, scratch))
+        for faces in checked(mesh):
+            for window, where in by_window(faces.indices, most):
+                place = (faces.indices[where] - window * most).astype(np.uint32)
+                places[window].append(place.view(PLACE))
+        for window, vertices in enumerate(windows(mesh, most)):
+            while count := len(block := places[window].read(BLOCK)):
+                corners = vertices.take(block["place"], axis=0)
+                found[window].append(corners.view(row).reshape(count))
+            places[window].close()
+        for faces in checked(mesh):
+            corners = np.empty((len(faces.indices), mesh.columns), mesh.row)
+            for window, where in by_window(faces.indices, most):
+                corners[where] = expect(found[window].read(len(where)), len(where), mesh)["row"]
+            yield corners, faces
+    finally:
+        for spool in (*places, *found):
+            spool.close()
+
+
+def expect(records: NDArray[Any], count: int, mesh: Mesh) -> NDArray[Any]:
+    """The records, if they are as many as in the pass before."""
+    if len(records) != count:
+        raise SceneError(f"{mesh.name}: found other faces than before, expected a file at rest")
+    return records
+
+
+def checked(mesh: Mesh) -> Iterator[Faces]:
+    """The faces of a mesh, whose indices are in range."""
+    before = 0
+    for faces in mesh.face_blocks():
+        indices = faces.indices
+        if len(indices) and not 0 <= indices.min() <= indices.max() < mesh.vertices:
+            bad = int(np.argmax((indices < 0) | (indices >= mesh.vertices)))
+            face = before + int(np.searchsorted(np.cumsum(faces.counts), bad, "right"))
+            raise SceneError(
+                f"{mesh.name}: face {face}: found vertex {indices[bad]}, "
+                + (f"expected 0 to {mesh.vertices - 1}" if mesh.vertices else "expected none")
+            )
+        before += len(faces.counts)
+        yield faces
+
+
+def by_window(indices: NDArray[np.int64], most: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """The windows that indices are in, each with the corners that it has, in order."""
+    window = indices // most
+    order = np.argsort(window, kind="stable")
+    starts = np.flatnonzero(np.diff(window[order], prepend=-1))
+    for start, end in zip(starts, [*starts[1:], len(order)], strict=True):
+        yield int(window[order[start]]), order[start:end]
+
+
+def windows(mesh: Mesh, most: int) -> Iterator[NDArray[Any]]:
+    """All vertices, `most` at a time, the last fewer; used again for the next.
+
+    Raises
+    ------
+    SceneError
+        If they are not as many as the mesh said.
+    """
+    held = np.empty((min(most, mesh.vertices), mesh.columns), mesh.row)
+    filled = total = 0
+    for block in mesh.vertex_blocks():
+        total += len(block)
+        if total > mesh.vertices:
+            break
+        while len(block):
+            n = min(len(block), len(held) - filled)
+            held[filled : filled + n] = block[:n]
+            filled += n
+            block = block[n:]
+            if filled == len(held) and (len(block) or total < mesh.vertices):
+                yield held
+                filled = 0
+    if total != mesh.vertices:
+        raise SceneError(f"{mesh.name}: found {total} vertices, expected {mesh.vertices}")
+    yield held[:filled]

@@ -1,0 +1,227 @@
+"""Where readers of points and meshes put objects: what is not finite is refused or dropped."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import SceneError
+from bfrt.formats.reading import Reading
+from bfrt.records import Kind
+from bfrt.scene.model import Camera, Light, Material, Vector
+
+log = logging.getLogger(__name__)
+
+#: The greatest coordinate: boxes are float32.
+LARGEST = float(np.finfo(np.float32).max)
+
+
+class SceneSink(Protocol):
+    """What readers write to.
+
+    The arrays of ``append`` and ``append_polygons`` are views of buffers that the reader uses
+    again: a sink copies what it keeps. Objects of a kind come in input order, in blocks; blocks of
+    different kinds come as they fill.
+    """
+
+    def camera(self, camera: Camera, /) -> object:
+        """Take the view; not called for a file without one."""
+
+    def light(self, light: Light, /) -> object:
+        """Take one light."""
+
+    def background(self, color: Vector, /) -> object:
+        """Take the background color, (0, 0, 0) for a file without one."""
+
+    def material(self, material: Material, /) -> int:
+        """Return the palette index of a material, the same for the same material."""
+
+    def append(self, kind: Kind, records: NDArray[Any], materials: NDArray[np.uint32], /) -> object:
+        """Take objects of a kind that is not a polygon.
+
+        Parameters
+        ----------
+        kind : Kind
+            Sphere, cone, triangle or patch.
+        records : ndarray of float32 or float64, shape (n, 4), (n, 8), (n, 9) or (n, 18)
+            Sphere: center, radius. Cone: base, its radius, apex, its radius. Triangle: three
+            vertices. Patch: three vertices, three normals.
+        materials : ndarray of uint32, shape (n,)
+            Palette indices.
+        """
+
+    def append_polygons(
+        self,
+        vertices: NDArray[Any],
+        counts: NDArray[np.int64],
+        materials: NDArray[np.uint32],
+        /,
+    ) -> object:
+        """Take polygons of three and more vertices.
+
+        Parameters
+        ----------
+        vertices : ndarray of float32 or float64, shape (m, 3)
+            The vertices of all polygons, one polygon after the other.
+        counts : ndarray of int64, shape (n,)
+            The vertices of each; their sum is m.
+        materials : ndarray of uint32, shape (n,)
+            Palette indices.
+        """
+
+
+class Outlet:
+    """A sink for one file's points, triangles and faces.
+
+    Parameters
+    ----------
+    sink : SceneSink
+    name : str
+        Of the file, for errors.
+    reading : Reading
+
+    Attributes
+    ----------
+    dropped : int
+        Objects that were not finite.
+    """
+
+    def __init__(self, sink: SceneSink, name: str, reading: Reading) -> None:
+        self.sink = sink
+        self.name = name
+        self.reading = reading
+        self.dropped = 0
+        self._objects = 0
+        self._plain: int | None = None
+
+    def spheres(
+        self,
+        centers: NDArray[Any],
+        radii: NDArray[Any],
+        materials: NDArray[np.uint32] | None,
+    ) -> None:
+        """Add points (n, 3) as spheres of radii (n,)."""
+        records = np.hstack([centers, radii[:, None].astype(centers.dtype)])
+        self._append(Kind.SPHERE, "point", records, materials)
+
+    def triangles(self, records: NDArray[Any], materials: NDArray[np.uint32] | None) -> None:
+        """Add triangles (n, 9)."""
+        self._append(Kind.TRIANGLE, "triangle", records, materials)
+
+    def _append(
+        self, kind: Kind, what: str, records: NDArray[Any], materials: NDArray[np.uint32] | None
+    ) -> None:
+        materials = self._painted(materials, len(records))
+        if not all_finite(records):
+            good = self._accept(finite(records), what, records)
+            records, materials = records[good], materials[good]
+        self._objects += len(records)
+        if len(records):
+            self.sink.append(kind, records, materials)
+
+    def faces(
+        self,
+        corners: NDArray[Any],
+        counts: NDArray[Any],
+        materials: NDArray[np.uint32] | None,
+    ) -> None:
+        """Add faces: the corners of all (m, 3), and how many each has (n,)."""
+        materials = self._painted(materials, len(counts))
+        if not all_finite(corners) or counts.min(initial=3) < 3:
+            good = all_of_each(finite(corners), counts) & (counts >= 3)
+            good = self._accept(good, "face", corners, counts)
+            corners = corners[np.repeat(good, counts)]
+            counts, materials = counts[good], materials[good]
+        self._objects += len(counts)
+        if not len(counts):
+            return
+        if self.reading.triangulate and counts.max() > 3:
+            corners, materials = fans(corners, counts, materials)
+            counts = np.full(len(materials), 3)
+        if counts.max() == 3:
+            self.sink.append(Kind.TRIANGLE, corners.reshape(-1, 9), materials)
+        else:
+            self.sink.append_polygons(corners, counts.astype(np.int64), materials)
+
+    def _painted(self, materials: NDArray[np.uint32] | None, n: int) -> NDArray[np.uint32]:
+        if materials is not None:
+            return materials
+        if self._plain is None:
+            self._plain = self.sink.material(Material())
+        return np.full(n, self._plain, np.uint32)
+
+    def _accept(
+        self,
+        good: NDArray[np.bool_],
+        what: str,
+        numbers: NDArray[Any],
+        counts: NDArray[Any] | None = None,
+    ) -> NDArray[np.bool_]:
+        """Count the objects that are not good, if they may be dropped; returns which are.
+
+        Raises
+        ------
+        SceneError
+            If they may not: the first by its number.
+        """
+        first = self._objects + self.dropped
+        if not self.reading.skip_invalid:
+            bad = int(np.argmin(good))
+            if counts is None:
+                row = numbers[bad]
+            else:
+                start = int(counts[:bad].sum())
+                row = numbers[start : start + int(counts[bad])]
+            raise SceneError(
+                f"{self.name}: {what} {first + bad}: found {told(row)}, "
+                "expected finite coordinates of three corners or more"
+                if counts is not None
+                else f"{self.name}: {what} {first + bad}: found {told(row)}, "
+                "expected finite numbers"
+            )
+        self.dropped += int(len(good) - good.sum())
+        return good
+
+    def report(self) -> None:
+        """Say how many were dropped."""
+        if self.dropped:
+            log.warning("%s: %d objects that are not finite were dropped", self.name, self.dropped)
+
+
+def all_finite(numbers: NDArray[Any]) -> bool:
+    """Whether all are, which takes one look at least and greatest: NaN is both."""
+    return not numbers.size or bool(-LARGEST <= numbers.min() and numbers.max() <= LARGEST)
+
+
+def finite(numbers: NDArray[Any]) -> NDArray[np.bool_]:
+    """Which rows are finite, as float32 too; NaN compares with nothing."""
+    good: NDArray[np.bool_] = np.all(np.abs(numbers) <= LARGEST, axis=1)
+    return good
+
+
+def all_of_each(good: NDArray[np.bool_], counts: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether all corners of each face are good; a face without any is."""
+    bad_before = np.concatenate([[0], np.cumsum(~good)])
+    ends = np.cumsum(counts, dtype=np.int64)
+    none: NDArray[np.bool_] = bad_before[ends] == bad_before[ends - counts]
+    return none
+
+
+def fans(
+    corners: NDArray[Any], counts: NDArray[Any], materials: NDArray[np.uint32]
+) -> tuple[NDArray[Any], NDArray[np.uint32]]:
+    """Faces as triangles around each one's first corner, and their materials."""
+    each = counts.astype(np.int64) - 2
+    starts = np.repeat(np.cumsum(counts, dtype=np.int64) - counts, each)
+    place = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
+    second = starts + 1 + place
+    picked = np.stack([starts, second, second + 1], axis=1)
+    return corners[picked.reshape(-1)], np.repeat(materials, each)
+
+
+def told(row: NDArray[Any]) -> str:
+    """Numbers as an error shows them."""
+    return " ".join(f"{float(x):g}" for x in row.reshape(-1)[:9]) or "nothing"

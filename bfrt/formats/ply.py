@@ -1,0 +1,439 @@
+"""PLY: meshes and points, of bytes in either order or of text.
+
+::
+
+    header --> elements, each with its properties
+    vertex --> blocks (n, columns)          whole rows by NumPy where all have one size
+    face, tristrips --> corners, counts     by _ply.Rows, as are rows of text
+
+Any element may have any properties in any order; what is not wanted is passed over. Where an
+element begins is known once those before it were read, or have rows of one size.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import SceneError, SettingError
+from bfrt.formats._ply import MOST_CORNERS, MOST_PROPERTIES, Fault, Rows
+from bfrt.formats.mesh import Faces, write_mesh
+from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.points import PointBlock, write_points
+from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown
+
+#: Types of values by both of their names, in the order of _ply's.
+TYPES = {
+    "char": 0, "uchar": 1, "short": 2, "ushort": 3, "int": 4, "uint": 5, "float": 6, "double": 7,
+    "int8": 0, "uint8": 1, "int16": 2, "uint16": 3, "int32": 4, "uint32": 5, "float32": 6,
+    "float64": 7,
+}  # fmt: skip
+CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
+LAYOUTS = {"ascii": "text", "binary_little_endian": "little", "binary_big_endian": "big"}
+
+#: Types that a float32 holds exactly.
+NARROW = (0, 1, 2, 3, 6)
+
+#: What full color is.
+FULL = {1: 255.0, 3: 65535.0}
+
+CORNERS = ("vertex_indices", "vertex_index")
+COLORS = ("red", "green", "blue")
+POSITION = ("x", "y", "z")
+
+#: Bytes of a header, and rows of one size that are read at once.
+HEADER_BYTES = 1 << 20
+BLOCK = 1 << 16
+
+
+class Property(NamedTuple):
+    """A column; `counted` is the type of a list's count, or -1."""
+
+    name: str
+    kind: int
+    counted: int = -1
+
+
+class Element(NamedTuple):
+    """Rows of one form."""
+
+    name: str
+    rows: int
+    properties: tuple[Property, ...]
+
+    @property
+    def row_bytes(self) -> int | None:
+        """Bytes of a row, where all have as many."""
+        if any(p.counted >= 0 for p in self.properties):
+            return None
+        return sum(int(CODES[p.kind][1]) for p in self.properties)
+
+    def find(self, name: str) -> Property | None:
+        """The property of a name that is no list."""
+        return next((p for p in self.properties if p.name == name and p.counted < 0), None)
+
+    def corners(self) -> Property | None:
+        """The list of a face's vertices."""
+        return next((p for p in self.properties if p.name in CORNERS and p.counted >= 0), None)
+
+
+class Place(NamedTuple):
+    """Where an element begins."""
+
+    offset: int
+    line: int
+
+
+class Ply:
+    """An open PLY file: its header, and its elements as often as they are wanted."""
+
+    def __init__(self, path: str | os.PathLike[str], report: Report | None = None) -> None:
+        self.source = Source(path, report)
+        self.name = self.source.name
+        try:
+            self.layout, self.elements, first = read_header(self.source)
+        except BaseException:
+            self.source.close()
+            raise
+        self._places = [first]
+
+    def element(self, name: str) -> Element | None:
+        return next((e for e in self.elements if e.name == name), None)
+
+    def _place(self, number: int) -> Place:
+        """Where an element begins, or where all end; those before it are read if they must be."""
+        while len(self._places) <= number:
+            element, place = self.elements[len(self._places) - 1], self._places[-1]
+            size = element.row_bytes
+            if element.properties and (self.layout == "text" or size is None):
+                for _ in self._parsed(len(self._places) - 1, (), None, strips=False):
+                    pass
+            else:
+                end = place.offset + element.rows * (size or 0)
+                self._check_size(element, place.offset, end)
+                self._places.append(Place(end, place.line))
+        return self._places[number]
+
+    def _check_size(self, element: Element, start: int, end: int) -> None:
+        if end > self.source.size:
+            raise SceneError(
+                f"{self.name}: byte {start}: found {max(self.source.size - start, 0)} bytes, "
+                f"expected {end - start} for {element.rows} rows of {element.name}: "
+                "the file is truncated or its count is wrong"
+            )
+
+    def columns(self, element: Element, names: Sequence[str]) -> Iterator[NDArray[Any]]:
+        """Columns of an element, (n, len(names)), as `dtype_of` has it."""
+        number = self.elements.index(element)
+        dtype = dtype_of(element, names)
+        if self.layout == "text" or element.row_bytes is None:
+            for _, _, values in self._parsed(number, names, None, strips=False):
+                yield values.astype(dtype)
+            return
+        start = self._place(number).offset
+        self._place(number + 1)  # all of it is there
+        order = "<" if self.layout == "little" else ">"
+        fields = [f"{order}{CODES[p.kind]}" for p in element.properties]
+        there = [p.name for p in element.properties]
+        places = [there.index(name) for name in names]
+        rows = np.dtype([(f"f{i}", field) for i, field in enumerate(fields)])
+        self.source.seek(start)
+        for block in self.source.blocks(rows, element.rows, BLOCK):
+            out = np.empty((len(block), len(names)), dtype)
+            for column, place in enumerate(places):
+                out[:, column] = block[f"f{place}"]
+            yield out
+
+    def faces(
+        self, element: Element, names: Sequence[str]
+    ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.uint32], NDArray[Any]]]:
+        """The corners of faces or strips, their counts, and columns beside them."""
+        strips = element.name == "tristrips"
+        return self._parsed(self.elements.index(element), names, element.corners(), strips=strips)
+
+    def _parsed(
+        self, number: int, names: Sequence[str], wanted: Property | None, *, strips: bool
+    ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.uint32], NDArray[Any]]]:
+        """An element's rows, taken apart one after the other; at the end the next one's place."""
+        element, place = self.elements[number], self._place(number)
+        columns = {element.find(name): column for column, name in enumerate(names)}
+        rows = Rows(
+            element.rows,
+            [p.kind for p in element.properties],
+            [p.counted for p in element.properties],
+            [len(names) if p is wanted else columns.get(p, -1) for p in element.properties],
+            len(names),
+            self.layout,
+            strips,
+            place.line,
+        )
+        at = place.offset
+        self.source.seek(at)
+        chunks = self.source.text() if self.layout == "text" else self._binary()
+        for chunk in chunks:
+            corners, counts, values, used = rows.parse(chunk)
+            if rows.fault:
+                raise self._fault(element, rows, at)
+            at += used
+            if len(corners) or len(counts):
+                yield corners, counts, values
+            if rows.done:
+                break
+            self._left = len(chunk) - used
+        if not rows.done:
+            raise SceneError(
+                f"{self.name}: found the file's end in row {rows.row} of {element.name}, expected "
+                f"{element.rows} rows: the file is truncated or its count is wrong"
+            )
+        if len(self._places) == number + 1:
+            self._places.append(Place(at, rows.line))
+
+    def _binary(self) -> Iterator[NDArray[np.uint8]]:
+        """Chunks of bytes; what was not used of one begins the next."""
+        buffer = np.empty(8 + CHUNK_BYTES, np.uint8)
+        left = 0
+        while got := self.source.read_into(buffer.data[left : left + CHUNK_BYTES]):
+            end = left + got
+            self._left = 0
+            yield buffer[:end]
+            left = self._left
+            buffer[:left] = buffer[end - left : end].copy()
+
+    def check_end(self) -> None:
+        """Refuse a file that goes on behind its last element."""
+        end = self._place(len(self.elements))
+        self.source.seek(end.offset)
+        left = self.source.size - end.offset
+        if self.layout == "text":
+            left = len(self.source.read(min(left, CHUNK_BYTES)).strip())
+        if left:
+            raise SceneError(
+                f"{self.name}: byte {end.offset}: found {left} bytes behind the last element, "
+                "expected the end of the file: its counts are wrong"
+            )
+
+    def _fault(self, element: Element, rows: Rows, at: int) -> SceneError:
+        where = f"line {rows.line}: " if self.layout == "text" else ""
+        row = f"row {rows.row} of {element.name}"
+        found = shown(rows.token) if self.layout == "text" else "another"
+        told = {
+            Fault.BAD_NUMBER: f"found {found} in {row}, expected a number",
+            Fault.NEGATIVE_COUNT: f"found {found} in {row}, expected a list's count, 0 or more",
+            Fault.NO_INDEX: f"found {found} in {row}, expected a vertex's whole number",
+            Fault.LONG_FACE: f"found more than {MOST_CORNERS} corners in {row}, expected fewer",
+        }
+        return SceneError(f"{self.name}: {where}{told[Fault(rows.fault)]}")
+
+    def __enter__(self) -> Ply:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.source.close()
+
+
+def read_header(source: Source) -> tuple[str, list[Element], Place]:
+    """The layout, the elements, and where the first begins."""
+    text = source.read(HEADER_BYTES)
+    layout = ""
+    elements: list[Element] = []
+    at, number = 0, 0
+    while True:
+        end = text.find(b"\n", at)
+        number += 1
+        line = text[at : end if end >= 0 else len(text)]
+        words = line.decode("ascii", "backslashreplace").split()
+        where = f"{source.name}: line {number}: found {shown(line.rstrip())}, expected"
+        if number == 1 and words != ["ply"]:
+            raise SceneError(f"{where} ply")
+        if end < 0:
+            raise SceneError(f"{where} a header that end_header ends, of at most 1 MiB")
+        at = end + 1
+        if words == ["end_header"]:
+            break
+        if not words or words[0] in ("comment", "obj_info") or number == 1:
+            continue
+        if words[0] == "format":
+            if len(words) != 3 or words[1] not in LAYOUTS or words[2] != "1.0" or layout:
+                raise SceneError(f"{where} one format, {' or '.join(LAYOUTS)}, and 1.0")
+            layout = LAYOUTS[words[1]]
+        elif words[0] == "element":
+            elements.append(_element(words, elements, where))
+        elif words[0] == "property" and elements:
+            element = elements[-1]
+            kept = (*element.properties, _property(words, element, where))
+            elements[-1] = element._replace(properties=kept)
+        else:
+            raise SceneError(f"{where} format, element, property, comment or end_header")
+    if not layout:
+        raise SceneError(f"{source.name}: found a header without format, expected one")
+    return layout, elements, Place(at, number + 1)
+
+
+def _element(words: list[str], before: list[Element], where: str) -> Element:
+    fits = len(words) == 3 and words[2].isascii() and words[2].isdigit()
+    if not fits or int(words[2]) >= 1 << 48:
+        raise SceneError(f"{where} element, a name, and a count of 0 to 2^48")
+    if any(words[1] == other.name for other in before):
+        raise SceneError(f"{where} each element once")
+    return Element(words[1], int(words[2]), ())
+
+
+def _property(words: list[str], element: Element, where: str) -> Property:
+    listed = len(words) == 5 and words[1] == "list"
+    if not listed and len(words) != 3:
+        raise SceneError(f"{where} property, a type and a name, or list and two types and a name")
+    kinds = words[2:4] if listed else words[1:2]
+    for kind in kinds:
+        if kind not in TYPES:
+            raise SceneError(f"{where} types of {' '.join(TYPES)}")
+    if listed and TYPES[kinds[0]] >= 6:
+        raise SceneError(f"{where} a list with a count of whole numbers")
+    if any(words[-1] == other.name for other in element.properties):
+        raise SceneError(f"{where} each property of an element once")
+    if len(element.properties) == MOST_PROPERTIES:
+        raise SceneError(f"{where} at most {MOST_PROPERTIES} properties of an element")
+    return Property(words[-1], TYPES[kinds[-1]], TYPES[kinds[0]] if listed else -1)
+
+
+class PlyMesh:
+    """A PLY file's faces: `bfrt.formats.mesh.Mesh`."""
+
+    def __init__(self, ply: Ply, vertex: Element, faces: list[Element], reading: Reading) -> None:
+        self.ply = ply
+        self.name = ply.name
+        self.vertices = vertex.rows
+        self._vertex = vertex
+        self._faces = faces
+        asked = painted_by(reading)
+        self.painted = bool(asked)
+        of_vertices = all(vertex.find(name) for name in asked)
+        self._of_vertex = asked if of_vertices else ()
+        self._of_face = () if of_vertices else asked
+        for element in faces if self._of_face else ():
+            if element.name == "tristrips" or not all(element.find(n) for n in asked):
+                raise missing(ply, asked, "vertex or face")
+        self.columns = 3 + len(self._of_vertex)
+        self.coordinates = dtype_of(vertex, POSITION)
+        self.row = dtype_of(vertex, (*POSITION, *self._of_vertex))
+
+    def vertex_blocks(self) -> Iterator[NDArray[Any]]:
+        scale = scale_of(self._vertex, self._of_vertex)
+        for block in self.ply.columns(self._vertex, (*POSITION, *self._of_vertex)):
+            block[:, 3:] /= scale
+            yield block
+
+    def face_blocks(self) -> Iterator[Faces]:
+        for element in self._faces:
+            scale = scale_of(element, self._of_face)
+            for corners, counts, values in self.ply.faces(element, self._of_face):
+                yield Faces(corners, counts, own(values / scale) if self._of_face else None)
+
+    def numbers(self) -> Iterator[NDArray[Any]]:
+        if self._of_vertex:
+            return (block[:, 3] for block in self.vertex_blocks())
+        return (faces.values for faces in self.face_blocks() if faces.values is not None)
+
+
+class PlyPoints:
+    """A PLY file's vertices: `bfrt.formats.points.Points`."""
+
+    def __init__(self, ply: Ply, vertex: Element, reading: Reading) -> None:
+        self.ply = ply
+        self.name = ply.name
+        self._vertex = vertex
+        self._asked = painted_by(reading)
+        self.painted = bool(self._asked)
+        radius = reading.radius
+        if radius is None and vertex.find("radius"):
+            radius = "radius"
+        self._radius = (radius,) if isinstance(radius, str) else ()
+        for names in (self._radius, self._asked):
+            if not all(vertex.find(name) for name in names):
+                raise missing(ply, names, "vertex")
+
+    def blocks(self) -> Iterator[PointBlock]:
+        scale = scale_of(self._vertex, self._asked)
+        dtype = dtype_of(self._vertex, POSITION)
+        first = 3 + len(self._radius)
+        for block in self.ply.columns(self._vertex, (*POSITION, *self._radius, *self._asked)):
+            yield PointBlock(
+                block[:, :3].astype(dtype, copy=False),
+                block[:, 3] if self._radius else None,
+                own(block[:, first:] / scale) if self._asked else None,
+            )
+
+    def numbers(self) -> Iterator[NDArray[Any]]:
+        return (block[:, 0] for block in self.ply.columns(self._vertex, self._asked))
+
+
+def painted_by(reading: Reading) -> tuple[str, ...]:
+    """The columns that colors are made of."""
+    if reading.color_by is None:
+        return ()
+    return COLORS if reading.color_by == RGB else (reading.color_by,)
+
+
+def missing(ply: Ply, names: Sequence[str], where: str) -> SettingError:
+    """What is said of columns that are not there."""
+    there = sorted({p.name for e in ply.elements for p in e.properties if p.counted < 0})
+    return SettingError(
+        f"{ply.name}: found no {' '.join(names)} of each {where}, expected one of {' '.join(there)}"
+    )
+
+
+def dtype_of(element: Element, names: Sequence[str]) -> np.dtype[Any]:
+    """float32 where that holds the columns exactly, else float64."""
+    kinds = [found.kind for name in names if (found := element.find(name))]
+    return np.dtype("f4" if all(kind in NARROW for kind in kinds) else "f8")
+
+
+def scale_of(element: Element, names: Sequence[str]) -> float:
+    """What colors are divided by; a number stays itself."""
+    found = element.find(names[0]) if len(names) == len(COLORS) else None
+    return 1.0 if found is None else FULL.get(found.kind, 1.0)
+
+
+def own(values: NDArray[Any]) -> NDArray[Any]:
+    """Columns as what objects are painted by: (n,) numbers, or (n, 3) colors."""
+    return values[:, 0] if values.shape[1] == 1 else values
+
+
+def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
+    """Read a PLY file: faces and strips as they are, or where it has none points as spheres.
+
+    Raises
+    ------
+    SceneError, ShortReadError
+        If it is no PLY, or is not as its header says.
+    SettingError
+        If a setting does not fit what the file has.
+    StreamError
+        If the system refuses to read it.
+    """
+    with Ply(path, report) as ply:
+        vertex = ply.element("vertex")
+        if vertex is None or not all(vertex.find(name) for name in POSITION):
+            raise SceneError(f"{path}: found no vertex with x, y and z, expected it")
+        faces = [e for e in ply.elements if e.name in ("face", "tristrips") and e.rows]
+        for element in faces:
+            corners = element.corners()
+            if corners is None or corners.kind >= 6:
+                raise SceneError(
+                    f"{path}: found {element.name} without a list vertex_indices of whole "
+                    "numbers, expected it"
+                )
+        outlet = Outlet(sink, path, reading)
+        if faces:
+            write_mesh(PlyMesh(ply, vertex, faces, reading), outlet)
+        else:
+            reading.refuse_all_but(
+                path, "radius", "color_by", "colormap", "color_range", "skip_invalid"
+            )
+            write_points(PlyPoints(ply, vertex, reading), outlet)
+        ply.check_end()
+        outlet.report()

@@ -1,0 +1,79 @@
+"""Points, which become spheres of a radius that is given or that each has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import SettingError
+from bfrt.formats.colors import Painter
+from bfrt.formats.outlet import Outlet
+
+#: Points that are read at once.
+BLOCK = 1 << 16
+
+
+class PointBlock(NamedTuple):
+    """Some points.
+
+    Attributes
+    ----------
+    centers : (n, 3) float32 or float64
+    radii : (n,) ndarray, optional
+        Each one's own.
+    values : (n,) or (n, 3) ndarray, optional
+        What each is painted by.
+    """
+
+    centers: NDArray[Any]
+    radii: NDArray[Any] | None = None
+    values: NDArray[Any] | None = None
+
+
+class Points(Protocol):
+    """Points that can be read again and again.
+
+    Attributes
+    ----------
+    name : str
+        Of the file, for errors.
+    painted : bool
+        Whether they have numbers or colors to be painted by.
+    """
+
+    name: str
+    painted: bool
+
+    def blocks(self) -> Iterator[PointBlock]:
+        """All points; radii are each one's own where the setting names them or the file has any."""
+        ...
+
+    def numbers(self) -> Iterator[NDArray[Any]]:
+        """What a map's range is taken from."""
+        ...
+
+
+def write_points(points: Points, outlet: Outlet) -> None:
+    """All points as spheres.
+
+    Raises
+    ------
+    SettingError
+        If neither the setting nor the file has a radius.
+    """
+    reading = outlet.reading
+    painter = None
+    if points.painted:
+        painter = Painter(outlet.sink, reading, points.numbers(), points.name)
+    for centers, radii, values in points.blocks():
+        if radii is None:
+            if not isinstance(reading.radius, (int, float)):
+                raise SettingError(
+                    f"{points.name}: found points without a radius, expected radius="
+                )
+            radii = np.full(len(centers), reading.radius, centers.dtype)
+        materials = None if painter is None or values is None else painter.paint(values)
+        outlet.spheres(centers, radii, materials)

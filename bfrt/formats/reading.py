@@ -1,0 +1,70 @@
+"""What is asked of a reader, beside the file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from bfrt.errors import SettingError
+
+#: `color_by` of colors that a file has itself, not of numbers that a map makes colors of.
+RGB = "rgb"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Settings of a conversion that some formats know.
+
+    Parameters
+    ----------
+    radius : float or str, optional
+        Of all points, in the file's units, or the name of a column that has each one's.
+    positions : str, optional
+        Name of the column, array or dataset that has the points' positions.
+    color_by : str, optional
+        Name of a column whose numbers a map makes colors of, or "rgb" for a file's own colors.
+    colormap : str, optional
+        The map: "cubehelix" or "gray", or the name of one of matplotlib's.
+    color_range : (float, float), optional
+        The numbers that get the map's first and last color; by default the column's least and
+        greatest, which costs a pass over it.
+    skip_invalid : bool
+        Drop and count objects that are not finite, instead of refusing them.
+    triangulate : bool
+        Store faces of four and more corners as fans of triangles, not as polygons.
+    memory : int
+        Bytes that vertices may take; a mesh that has more is joined on disk.
+    scratch : Path
+        Folder for what does not fit.
+    """
+
+    radius: float | str | None = None
+    positions: str | None = None
+    color_by: str | None = None
+    colormap: str | None = None
+    color_range: tuple[float, float] | None = None
+    skip_invalid: bool = False
+    triangulate: bool = False
+    memory: int = 1 << 28
+    scratch: Path = Path()
+
+    def refuse_all_but(self, name: str, *known: str) -> None:
+        """Refuse the settings that a format has no use for.
+
+        Raises
+        ------
+        SettingError
+            For the first that was given and is not among `known`.
+        """
+        for field in fields(self):
+            asked = getattr(self, field.name)
+            free = field.name in ("memory", "scratch", *known)
+            if not free and asked is not None and asked is not False:
+                raise SettingError(
+                    f"{name}: found {field.name}={asked!r}, expected none for "
+                    f"{Path(name).suffix or name} files of this content"
+                )
+        if self.color_by is None and (self.colormap is not None or self.color_range is not None):
+            raise SettingError(
+                "colormap, color_range: found without color_by, expected with it only"
+            )

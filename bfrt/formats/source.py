@@ -1,0 +1,173 @@
+"""Files that are read forwards, by blocks or by chunks of text, and what errors say of them."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bfrt.errors import SceneError, ShortReadError
+from bfrt.streams.aside import refused
+
+#: Bytes of text that are parsed at once.
+CHUNK_BYTES = 1 << 20
+
+#: Bytes of a token that are shown.
+SHOWN_BYTES = 40
+
+#: Called with the bytes of input that are done.
+Report = Callable[[int], None]
+
+Bytes = npt.NDArray[np.uint8]
+
+
+class Source:
+    """A file, its place, and its name for errors.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that can be read again: it is no pipe.
+    report : callable, optional
+        Called with the bytes that are read.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses to open or read it.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], report: Report | None = None) -> None:
+        self.name = os.fspath(path)
+        self.at = 0
+        self.report = report
+        try:
+            self._file = io.FileIO(self.name)
+            self.size = os.fstat(self._file.fileno()).st_size
+        except OSError as error:
+            raise refused(self.name, 0, error, "opening") from error
+
+    def seek(self, offset: int) -> None:
+        """Go on at a byte."""
+        self._file.seek(offset)
+        self.at = offset
+
+    def read_into(self, buffer: memoryview) -> int:
+        """Fill a buffer as far as the file goes; returns the bytes."""
+        done = 0
+        try:
+            while done < len(buffer) and (got := self._file.readinto(buffer[done:])):
+                done += got
+        except OSError as error:
+            raise refused(self.name, self.at + done, error, "reading") from error
+        self.at += done
+        if self.report is not None:
+            self.report(self.at)
+        return done
+
+    def read(self, most: int = -1) -> bytes:
+        """The next bytes, fewer only at the file's end; all for -1."""
+        left = max(self.size - self.at, 0)
+        buffer = bytearray(left if most < 0 else min(most, left))
+        got = self.read_into(memoryview(buffer))
+        return bytes(memoryview(buffer)[:got])
+
+    def exactly(self, size: int) -> Bytes:
+        """The next `size` bytes.
+
+        Raises
+        ------
+        ShortReadError
+            If the file ends before.
+        """
+        left = self.size - self.at
+        if left < size:
+            raise ShortReadError(self.name, self.at, size, max(left, 0))
+        block = np.empty(size, np.uint8)
+        start = self.at
+        got = self.read_into(block.data)
+        if got < size:
+            raise ShortReadError(self.name, start, size, got)
+        return block
+
+    def blocks(self, dtype: np.dtype[Any], count: int, most: int) -> Iterator[npt.NDArray[Any]]:
+        """The next `count` records, up to `most` of them at a time."""
+        while count:
+            n = min(count, most)
+            yield self.exactly(n * dtype.itemsize).view(dtype)
+            count -= n
+
+    def text(self, *, lines: bool = False) -> Iterator[Bytes]:
+        """The rest in chunks of whole tokens, or of whole lines, for `bfrt.formats.text`.
+
+        Yields
+        ------
+        ndarray of uint8
+            The byte before, the chunk, and a NUL; used again for the next.
+
+        Raises
+        ------
+        SceneError
+            If there is a line of more than `CHUNK_BYTES`.
+        """
+        buffer = np.zeros(2 * CHUNK_BYTES + 2, np.uint8)
+        before = ord(" ")
+        left = b""
+        while True:
+            start = 1 + len(left)
+            buffer[0] = before
+            buffer[1:start] = np.frombuffer(left, np.uint8)
+            got = self.read_into(buffer.data[start : start + CHUNK_BYTES])
+            end = start + got
+            whole = end if not got else self._cut(buffer.data[:end], lines)
+            left = buffer[whole:end].tobytes()
+            if len(left) >= CHUNK_BYTES:
+                raise SceneError(
+                    f"{self.name}: byte {self.at - len(left)}: found a line or a token of "
+                    f"more than {CHUNK_BYTES} bytes, expected shorter ones"
+                )
+            before = int(buffer[whole - 1])  # whether a line's end goes on in the next chunk
+            buffer[whole] = 0
+            yield buffer[: whole + 1]
+            if not got:
+                return
+
+    @staticmethod
+    def _cut(text: memoryview, lines: bool) -> int:
+        """Where the last whole token or line ends."""
+        if lines:
+            held = bytes(text)
+            end = max(held.rfind(b"\n"), held.rfind(b"\r"))
+            while end > 0 and held[:end].endswith((b"\\", b"\\\r")):  # the line goes on
+                end = max(held.rfind(b"\n", 0, end), held.rfind(b"\r", 0, end))
+            return max(end, 0) + 1
+        tail = bytes(text[-CHUNK_BYTES:])
+        ends = max(tail.rfind(blank) for blank in (b" ", b"\n", b"\t", b"\r"))
+        return len(text) - len(tail) + ends + 1
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> Source:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def shown(token: bytes) -> str:
+    """A token as an error shows it, on one line whatever the bytes are."""
+    if not token:
+        return "end of file"
+    dots = "..." if len(token) > SHOWN_BYTES else ""
+    return repr(token[:SHOWN_BYTES].decode("ascii", "backslashreplace")) + dots
