@@ -193,7 +193,7 @@ class Outlet:
 
 def all_finite(numbers: NDArray[Any]) -> bool:
     """Whether all are, which takes one look at least and greatest: NaN is both."""
-    return not numbers.size or bool(-LARGEST <= numbers.min() and numbers.max() <= LARGEST)
+    return not numbers.size or bool(numbers.min() >= -LARGEST and numbers.max() <= LARGEST)
 
 
 def finite(numbers: NDArray[Any]) -> NDArray[np.bool_]:
