@@ -17,12 +17,14 @@ Where they mean different things:
 - a miss is -1 here, INVALID_ID in Open3D, and no row in trimesh; t is inf;
 - a ray that begins on a triangle hits it in Open3D, not here (nor is a hit at t_min one);
 - all hits of a ray are in order here, in none in Open3D, and one behind the other in trimesh;
-- of hits at the same t Open3D tells of one, and trimesh may step past all but one;
+- of hits at one t that share an edge Open3D may tell of one only, and trimesh may step past some;
 - trimesh has neither t nor uv nor an end of rays.
 """
 
 from __future__ import annotations
 
+import functools
+import importlib
 import re
 from dataclasses import dataclass, replace
 
@@ -151,21 +153,25 @@ class Answers:
     """What a program says of rays; None is what it is not asked.
 
     `ids` are numbers among all faces, -1 for a miss. `pairs` are all hits of the first `LISTED`
-    rays, ray and id, ascending; `counts` are how many a program counts.
+    rays, ray and id, ascending, `depths` their t, and `counts` how many a program counts.
     """
 
     t: np.ndarray
     ids: np.ndarray
     occluded: np.ndarray
     pairs: np.ndarray
+    depths: np.ndarray
     counts: np.ndarray
     normals: np.ndarray | None = None
     uvs: np.ndarray | None = None
     nearly: np.ndarray | None = None  # occluded before T_FAR
 
 
-def ascending(rays, ids):
-    return np.unique(np.stack([rays, ids], axis=1).astype(np.int64), axis=0)
+def ascending(rays, ids, t):
+    """`pairs` and `depths` of all hits, each once."""
+    both = np.stack([rays, ids], axis=1).astype(np.int64)
+    pairs, first = np.unique(both, axis=0, return_index=True)
+    return pairs, t[first]
 
 
 def ask_bfrt(scene, mesh, origins, directions, **settings):
@@ -183,13 +189,16 @@ def ask_bfrt(scene, mesh, origins, directions, **settings):
     assert (nearest["geometry_ids"][~missed] % len(Kind) == Kind.TRIANGLE).all()
     groups = nearest["geometry_ids"] // len(Kind), every["geometry_ids"] // len(Kind)
     found = mesh.numbered(groups[1], every["primitive_ids"], np.False_)
-    pairs = ascending(every["ray_ids"], found)
+    pairs, depths = ascending(every["ray_ids"], found, every["t_hit"])
     assert len(pairs) == len(found)  # none of them twice
+    ordered = np.lexsort((found, every["t_hit"], every["ray_ids"]))
+    np.testing.assert_array_equal(ordered, np.arange(len(found)))
     answers = Answers(
         t=nearest["t_hit"],
         ids=mesh.numbered(groups[0], nearest["primitive_ids"], missed),
         occluded=scene.occluded(origins, directions, **settings)["occluded"],
         pairs=pairs,
+        depths=depths,
         counts=scene.count_intersections(*some, **settings)["counts"],
         normals=nearest["primitive_normals"],
         uvs=nearest["primitive_uvs"],
@@ -204,7 +213,7 @@ def ask_bfrt(scene, mesh, origins, directions, **settings):
 def load(name):
     """A peer's module; skips where it is not there, or wants a library that is not."""
     try:
-        return __import__(name, fromlist=["*"])
+        return importlib.import_module(name)
     except ImportError as error:
         pytest.skip(f"{name} is not there, of the extra 'peers': {error}")
 
@@ -221,11 +230,13 @@ def ask_open3d(mesh, origins, directions):
     missed = nearest["primitive_ids"] == scene.INVALID_ID
     np.testing.assert_array_equal(np.isinf(nearest["t_hit"]), missed)
     found = mesh.numbered(every["geometry_ids"], every["primitive_ids"], np.False_)
+    pairs, depths = ascending(every["ray_ids"], found, every["t_hit"])
     return Answers(
         t=nearest["t_hit"],
         ids=mesh.numbered(nearest["geometry_ids"], nearest["primitive_ids"], missed),
         occluded=scene.test_occlusions(rays).numpy(),
-        pairs=ascending(every["ray_ids"], found),
+        pairs=pairs,
+        depths=depths,
         counts=scene.count_intersections(rays[:LISTED]).numpy(),
         normals=nearest["primitive_normals"],
         uvs=nearest["primitive_uvs"],
@@ -239,19 +250,22 @@ def ask_trimesh(mesh, origins, directions):
     embree = load("trimesh.ray.ray_pyembree")
     bodies = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     tracer = embree.RayMeshIntersector(bodies)
-    places, rows, faces = tracer.intersects_location(origins, directions, multiple_hits=False)
-    t = np.full(len(origins), np.inf)
-    o, d = origins[rows].astype(np.float64), directions[rows].astype(np.float64)
-    t[rows] = ((places - o) * d).sum(axis=1) / (d * d).sum(axis=1)
-    ids = np.full(len(origins), -1)
-    ids[rows] = faces
-    _, rows, faces = tracer.intersects_location(origins[:LISTED], directions[:LISTED])
-    pairs = ascending(rows, faces)
+
+    def hits(o, d, **settings):
+        places, rows, faces = tracer.intersects_location(o, d, **settings)
+        o, d = o[rows].astype(np.float64), d[rows].astype(np.float64)
+        return rows, faces, ((places - o) * d).sum(axis=1) / (d * d).sum(axis=1)
+
+    t, ids = np.full(len(origins), np.inf), np.full(len(origins), -1)
+    rows, faces, t_hit = hits(origins, directions, multiple_hits=False)
+    t[rows], ids[rows] = t_hit, faces
+    pairs, depths = ascending(*hits(origins[:LISTED], directions[:LISTED]))
     return Answers(
         t=t,
         ids=ids,
         occluded=tracer.intersects_any(origins, directions),
         pairs=pairs,
+        depths=depths,
         counts=np.bincount(pairs[:, 0], minlength=len(origins[:LISTED])),
         normals=np.where(ids[:, None] < 0, 0, bodies.face_normals[ids]),
     )
@@ -309,11 +323,8 @@ def truth(mesh, origins, directions):
     return found
 
 
-def permitted(met, answers, ray, rounding, folds):
-    """Whether a program that rounds so may say what it says of a ray.
-
-    With `folds` it may leave out, of hits at one t, all but one.
-    """
+def permitted(met, answers, ray, rounding):
+    """Whether a program that rounds so may say what it says of a ray."""
     with np.errstate(divide="ignore"):
         slack = rounding / met.slope
     may = (met.margin >= -rounding) & (met.t >= -slack)
@@ -335,44 +346,65 @@ def permitted(met, answers, ray, rounding, folds):
     if ray >= LISTED:
         return True
     first, last = np.searchsorted(answers.pairs[:, 0], [ray, ray + 1])
-    told = np.isin(met.ids, answers.pairs[first:last, 1])
+    listed = answers.pairs[first:last, 1]
+    told = np.isin(met.ids, listed)
     if (told & may).sum() < last - first:
         return False
-    left_out = must & ~told
-    if folds:
-        apart = np.abs(met.t[:, None] - met.t[told]) - slack[:, None] - slack[told]
-        left_out &= ~(apart <= 0).any(axis=1)
-    return not left_out.any()
+    depths = answers.depths[first:last][np.searchsorted(listed, met.ids[told])]
+    if (np.abs(depths - met.t[told]) > slack[told]).any():
+        return False
+    return not (must & ~told).any()
 
 
-def differing(mesh, rays, ours, theirs):
-    """The rays of which two programs say different things; t may differ as float32 may."""
-    origins, directions = rays
-    corners = mesh.corners[ours.ids].astype(np.float64)
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Faces as rays meet them, in float64: `slope` is as in `Met`, `size` twice the area."""
+
+    one: np.ndarray
+    two: np.ndarray
+    size: np.ndarray
+    slope: np.ndarray
+    longest: np.ndarray
+
+
+def faces_of(mesh, ids, directions):
+    corners = mesh.corners[ids].astype(np.float64)
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     cross = np.cross(one, two)
     size = np.linalg.norm(cross, axis=1)
-    slope = np.abs((cross / size[:, None] * directions).sum(axis=1))
+    slope = np.abs((cross * directions).sum(axis=1)) / size
+    return Faces(one, two, size, slope, np.linalg.norm([one, two, two - one], axis=2).max(axis=0))
+
+
+def differing(mesh, rays, ours, theirs):
+    """The rays of which two programs say different things; t may differ as float32 may.
+
+    Where they have the same hit, normals and uv must be the same too.
+    """
+    origins, directions = rays
     rounding = FLOAT32 * reaches(mesh, origins)
-    hit = (ours.ids >= 0) & (ours.ids == theirs.ids)
-    differs = ours.ids != theirs.ids
-    differs[hit] |= np.abs(ours.t[hit] - theirs.t[hit]) * slope[hit] > rounding[hit]
-    differs |= ours.occluded != theirs.occluded
+    differs = (ours.ids != theirs.ids) | (ours.occluded != theirs.occluded)
     if theirs.nearly is not None:
         differs |= ours.nearly != theirs.nearly
     differs[:LISTED] |= ours.counts != theirs.counts
-    either = np.concatenate([ours.pairs, theirs.pairs])
-    pairs, times = np.unique(either, axis=0, return_counts=True)
-    differs[pairs[times == 1, 0]] = True
 
-    same = ours.ids == theirs.ids
-    longest = np.linalg.norm([one, two, two - one], axis=2).max(axis=0)
-    turned = np.abs(ours.normals - theirs.normals).max(axis=1)
-    assert (turned <= rounding * longest / size)[same].all()  # of slivers they are uncertain
+    hit = np.flatnonzero((ours.ids >= 0) & (ours.ids == theirs.ids))
+    faces, within = faces_of(mesh, ours.ids[hit], directions[hit]), rounding[hit]
+    differs[hit] |= np.abs(ours.t[hit] - theirs.t[hit]) * faces.slope > within
+    turned = np.linalg.norm(ours.normals[hit] - theirs.normals[hit], axis=1)
+    assert (turned <= 2 * within * faces.longest / faces.size).all()  # of slivers less certain
     if theirs.uvs is not None:
-        u, v = (ours.uvs - theirs.uvs).astype(np.float64).T
-        moved = np.linalg.norm(u[:, None] * one + v[:, None] * two, axis=1)
-        assert (moved * slope <= rounding)[hit].all()
+        u, v = (ours.uvs[hit] - theirs.uvs[hit]).astype(np.float64).T[:, :, None]
+        moved = np.linalg.norm(u * faces.one + v * faces.two, axis=1)
+        assert (moved * faces.slope <= within * np.linalg.norm(directions[hit], axis=1)).all()
+
+    keys = [answers.pairs @ [len(mesh.faces), 1] for answers in (ours, theirs)]
+    differs[np.setxor1d(*keys) // len(mesh.faces)] = True
+    _, a, b = np.intersect1d(*keys, return_indices=True)
+    row, ids = ours.pairs[a].T
+    slope = faces_of(mesh, ids, directions[row]).slope
+    apart = np.abs(ours.depths[a] - theirs.depths[b]) * slope > rounding[row]
+    differs[row[apart]] = True
     return np.flatnonzero(differs)
 
 
@@ -386,8 +418,8 @@ def judged(mesh, rays, ours, theirs):
     reach = reaches(mesh, origins)
     wrong = 0
     for ray, far, met in zip(rows, reach, truth(mesh, origins, directions), strict=True):
-        assert permitted(met, ours, ray, FLOAT64 * far, folds=False), f"bfrt is wrong: ray {ray}"
-        wrong += not permitted(met, theirs, ray, FLOAT32 * far, folds=True)
+        assert permitted(met, ours, ray, FLOAT64 * far), f"bfrt is wrong: ray {ray}"
+        wrong += not permitted(met, theirs, ray, FLOAT32 * far)
     return len(rows), wrong
 
 
@@ -411,13 +443,24 @@ def stored(mesh, path):
     return bfrt.open(path)
 
 
-@pytest.fixture(scope="module", params=MESHES)
-def asked(request, tmp_path_factory):
-    rng = np.random.default_rng(1)
-    mesh = MESHES[request.param](rng)
-    scene = stored(mesh, tmp_path_factory.mktemp("peers") / "mesh.bfrt")
-    rays = rays_through(mesh, rng)
-    return Asked(mesh, scene, rays, ask_bfrt(scene, mesh, *rays))
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Meshes by name, each asked once."""
+
+    @functools.cache
+    def make(name):
+        rng = np.random.default_rng(1)
+        mesh = MESHES[name](rng)
+        scene = stored(mesh, tmp_path_factory.mktemp("peers") / "mesh.bfrt")
+        rays = rays_through(mesh, rng)
+        return Asked(mesh, scene, rays, ask_bfrt(scene, mesh, *rays))
+
+    return make
+
+
+@pytest.fixture(params=MESHES)
+def asked(request, made):
+    return made(request.param)
 
 
 @pytest.mark.parametrize("peer", PEERS)
@@ -444,7 +487,7 @@ def test_peers_at_edges(asked, peer):
 
 @pytest.mark.parametrize("asked", ["ball"], indirect=True)
 def test_no_ray_leaves_a_closed_mesh(asked):
-    """From its middle, at its edges and vertices; with float32 four in a thousand leave it."""
+    """From its middle, at edges and vertices. In Open3D about 4 of 1000 such rays leave it."""
     origins, directions = (part[::2] for part in rays_at_edges(asked.mesh, 20_000))
     assert asked.scene.occluded(origins, directions)["occluded"].all()
 
@@ -452,12 +495,12 @@ def test_no_ray_leaves_a_closed_mesh(asked):
 @pytest.mark.parametrize("asked", ["ball"], indirect=True)
 def test_the_judge_finds_errors(asked):
     """Rays that are moved by 1e-4 of the scene are not excused, neither ours nor a peer's."""
-    rays = rays_at_edges(asked.mesh)
+    rays = rays_at_edges(asked.mesh, 100)
     ours = ask_bfrt(asked.scene, asked.mesh, *rays)
     moved = ask_bfrt(asked.scene, asked.mesh, rays[0] + np.float32(1e-4), rays[1])
     moved = replace(moved, normals=ours.normals, uvs=None)
     differ, wrong = judged(asked.mesh, rays, ours, moved)
-    assert wrong > 0.8 * differ > 0.5 * AT_EDGES
+    assert wrong > 0.8 * differ > 50
     with pytest.raises(AssertionError, match="bfrt is wrong"):
         judged(asked.mesh, rays, replace(moved, uvs=ours.uvs), replace(ours, uvs=None))
 
@@ -494,7 +537,11 @@ def least(scene):
     return re.search(r"expected (\d+MiB) or more", str(refusal.value))[1]
 
 
-@pytest.mark.parametrize("memory", ["least", "96MiB"])
+@pytest.mark.parametrize(
+    ("asked", "memory"),
+    [("soup", "least"), ("soup", "96MiB"), ("ball", "least")],
+    indirect=["asked"],
+)
 def test_little_memory_says_the_same(asked, memory):
     budget = least(asked.scene) if memory == "least" else memory
     again = ask_bfrt(
