@@ -19,6 +19,7 @@ from bfrt.errors import (
     StoreError,
     StreamError,
 )
+from bfrt.framing import framing_camera
 from bfrt.image.picture import Image
 from bfrt.queries.casting import (
     Answer,
@@ -61,6 +62,7 @@ __all__ = [
     "cast_rays",
     "convert",
     "count_intersections",
+    "framing_camera",
     "list_intersections",
     "occluded",
     "open",

@@ -22,6 +22,7 @@ import bfrt
 from bfrt.budget import parse_memory
 from bfrt.conversion import convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
+from bfrt.framing import framing_camera
 from bfrt.image.picture import SUFFIXES
 from bfrt.rendering import REFINEMENTS, at_least_one, render, scratch_folder
 from bfrt.scene.hierarchy import Hierarchy, parse_hierarchy
@@ -322,8 +323,8 @@ def opened(options: argparse.Namespace) -> Iterator[Store]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def camera_of(options: argparse.Namespace, store: Store) -> Camera | None:
-    """The scene's camera, or another's, with what was asked for instead."""
+def camera_of(options: argparse.Namespace, store: Store) -> Camera:
+    """The scene's camera, another's, or one that frames the scene, with what was asked for."""
     camera = store.camera if options.view is None else view_of(options.view)
     asked = {
         "eye": options.eye and tuple(options.eye),
@@ -333,11 +334,7 @@ def camera_of(options: argparse.Namespace, store: Store) -> Camera | None:
         "resolution": options.resolution and tuple(options.resolution),
     }
     changes: dict[str, Any] = {key: value for key, value in asked.items() if value is not None}
-    if camera is None and "eye" in changes and "at" in changes:
-        return Camera(**changes)
-    if camera is None:
-        raise SettingError(f"{options.input}: has no camera: expected --from and --at, or --view")
-    return replace(camera, **changes)
+    return framing_camera(store, **changes) if camera is None else replace(camera, **changes)
 
 
 def view_of(name: str) -> Camera:

@@ -6,8 +6,9 @@ import logging
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ import numpy as np
 
 from bfrt.budget import Capacities, capacities, default_memory, parse_memory
 from bfrt.errors import SettingError
+from bfrt.framing import framing_camera, framing_lights
 from bfrt.image.canvas import Canvas
 from bfrt.image.film import Film
 from bfrt.image.picture import Image
-from bfrt.scene.model import Camera
+from bfrt.scene.model import Camera, Light
 from bfrt.scene.store import Store, open_store
 from bfrt.scheduler import Progress, Report, render_film
 from bfrt.stats import Stats, peak_rss
@@ -66,7 +68,7 @@ def render(
     threads : int, optional
         By default all cores that this process may use.
     camera : Camera, optional
-        By default the scene's own.
+        By default the scene's own, or where it has none one that frames it (`framing_camera`).
     samples : int, optional
         Stratified samples a pixel. By default SPD's procedure: a ray at each pixel corner, four
         averaged.
@@ -103,7 +105,7 @@ def render(
     BudgetError
         If the budget is below the least that works, which the message names.
     SettingError
-        If a setting cannot be honoured.
+        If a setting cannot be honoured. If there is no camera, and no object that one could frame.
     Cancelled
         If `progress` returned False.
     DiskFullError, StreamError
@@ -111,9 +113,9 @@ def render(
     """
     start = time.perf_counter()
     store = scene if isinstance(scene, Store) else open_store(scene)
-    view = camera or store.camera
-    if view is None:
-        raise SettingError(f"{store.path}: the scene has no camera: expected from, at and angle")
+    view = camera or store.camera or framing_camera(store)
+    added = [] if store.lights else framing_lights(store, view)
+    store = replace(store, lights=[*store.lights, *added])
     corners = CORNERS if samples is None else at_least_one("samples", samples)
     plan, stats = plan_of(
         store, *view.resolution, corners,
@@ -136,7 +138,7 @@ def render(
             report=report,
             take=lambda film: develop(film, canvas),
         )
-    image = Image(canvas.channels(), describe(store, view, corners, depth), stats)
+    image = Image(canvas.channels(), describe(store, view, corners, depth, added), stats)
     stats.total.seconds = time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
     if stats.bad_rays:
@@ -189,19 +191,31 @@ def develop(film: Film, canvas: Canvas) -> None:
         canvas.add(film.rows(first, min(first + rows, film.end)))
 
 
-def describe(store: Store, camera: Camera, samples: int, depth: int) -> dict[str, str]:
-    """Metadata: the scene and what changes the picture; not threads, budget or time."""
-    return {
+def describe(
+    store: Store, camera: Camera, samples: int, depth: int, added: list[Light]
+) -> dict[str, str]:
+    """Metadata: the scene and what changes the picture, lights that were added to it too; not
+    threads, budget or time."""
+    facts = {
         "scene": store.path.stem,
         "objects": str(store.objects),
         "checksum": f"{store.checksum:08x}",
-        "eye": " ".join(f"{x:g}" for x in camera.eye),
-        "at": " ".join(f"{x:g}" for x in camera.at),
-        "up": " ".join(f"{x:g}" for x in camera.up),
-        "angle": f"{camera.angle:g}",
+        "eye": digits(camera.eye),
+        "at": digits(camera.at),
+        "up": digits(camera.up),
+        "angle": digits([camera.angle]),
         "samples": str(samples) if samples else "corners",
         "depth": str(depth),
     }
+    if added:
+        lights = (digits([*position, *color]) for position, color in added)
+        facts["lights"] = f"automatic: {', '.join(lights)}"
+    return facts
+
+
+def digits(numbers: Iterable[float]) -> str:
+    """Numbers as metadata has them, so long that map coordinates are told apart."""
+    return " ".join(f"{x:.15g}" for x in numbers)
 
 
 def at_least_one(name: str, value: int) -> int:

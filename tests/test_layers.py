@@ -14,7 +14,7 @@ LAYERS = [
     {"streams"},
     {"image"},
     {"scene"},
-    {"spd"},
+    {"spd", "framing"},
     {"formats"},
     {"phases", "budget"},
     {"scheduler", "reference"},

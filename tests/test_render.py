@@ -232,13 +232,6 @@ def test_what_cannot_be_honoured_is_refused(glass, settings, error, words):
         bfrt.render(glass, **settings)
 
 
-def test_a_scene_without_a_camera_needs_one(tmp_path):
-    with bfrt.SceneWriter(tmp_path / "cloud.bfrt") as writer:
-        writer.spheres([[0, 0, 0]], [1.0])
-    with pytest.raises(bfrt.SettingError, match="has no camera"):
-        bfrt.render(tmp_path / "cloud.bfrt")
-
-
 def test_the_budget_is_kept_in_a_memory_cgroup(rings, tmp_path):
     """From the least memory that is not refused: the whole process, page cache included."""
     least = least_memory(rings, rings.camera, threads=2)

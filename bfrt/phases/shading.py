@@ -27,7 +27,7 @@ from bfrt.streams.spool import Spool
 
 def light_intensity(lights: int) -> float:
     """sqrt(n) / (2 n), for each of n lights and for the ambient one: the SPD text's formula."""
-    return math.sqrt(lights) / (2 * lights) if lights else 1.0
+    return math.sqrt(lights) / (2 * lights)
 
 
 class Shading:

@@ -1,0 +1,179 @@
+"""A camera and lights for a scene that has none, made from its bounds.
+
+::
+
+             up                eye
+              |             .'           the eye is 1 to the right, 2 to the front and 1 up;
+           .--|--.       .'              so far that the sphere around the bounds is seen whole:
+          (  at   )   .'
+           '-----' .'                    distance = radius / sin(half the smaller angle of view)
+         front
+
+Nothing here is random: the same scene, seen in the same resolution, is the same picture.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from bfrt.errors import SettingError
+from bfrt.scene.model import Camera, Light, Vector, cross
+from bfrt.scene.store import Store
+
+#: From the scene to the eye, in parts of right, front and up.
+TO_EYE = (1.0, 2.0, 1.0)
+
+#: From the eye to each light, in parts of right, up and back, and the light's color. The key light
+#: comes over the left shoulder; the fill, from the right, is a third as bright. The colors add up
+#: to 2, so that the lights together are as bright as any other two.
+KEY = ((-1.0, 1.0, 0.5), 1.5)
+FILL = ((1.0, 0.25, 0.0), 0.5)
+
+
+def framing_camera(
+    store: Store,
+    *,
+    eye: Vector | None = None,
+    at: Vector | None = None,
+    up: Vector = Camera.up,
+    angle: float = Camera.angle,
+    resolution: tuple[int, int] = Camera.resolution,
+) -> Camera:
+    """The camera that frames a scene: from the front, a little to the right and above.
+
+    It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius is
+    half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal angle of
+    view. So the sphere around the bounds touches the edges of the picture, or two of them.
+
+    Parameters
+    ----------
+    store : Store
+        Whose bounds are framed, all objects' together.
+    eye, at : tuple of 3 float, optional
+        Where the eye is and what it looks at, in place of what frames the scene.
+    up : tuple of 3 float
+        Which way is up. The front is at right angles to it: -y where z is up, z where y is.
+    angle : float
+        Field of view in degrees from the bottom to the top of the image, in (0, 180).
+    resolution : tuple of 2 int
+        Width and height in pixels; where it is higher than it is wide, the width has to fit.
+
+    Returns
+    -------
+    Camera
+
+    Raises
+    ------
+    SettingError
+        If there is nothing to frame: no objects, or no extent; if `up` is no direction.
+    SceneError
+        As of `Camera`, if a value is out of range or what is given does not span a view.
+    """
+    view = Camera(way_to_eye(up), (0.0, 0.0, 0.0), up, angle, resolution=resolution)
+    if eye is not None and at is not None:
+        return replace(view, eye=eye, at=at)
+    center, radius = bounding_sphere(store)
+    if radius == 0.0:
+        raise SettingError(
+            f"{store.path}: found no camera and no extent that one could frame, "
+            "expected a camera, or objects"
+        )
+    distance = radius / math.sin(half_angle(view))
+    return replace(
+        view,
+        eye=moved(center, distance, view.eye) if eye is None else eye,
+        at=center if at is None else at,
+    )
+
+
+def framing_lights(store: Store, camera: Camera) -> list[Light]:
+    """Two lights for a scene that has none: `KEY` and `FILL`.
+
+    A light is at ``eye + size (x right + y up + z back)``, with the camera's axes, and as size the
+    eye's distance from the center of the bounds, or their radius if that is more: light falls at
+    the same angles on a scene that is seen whole from near or far, and on what an eye in the midst
+    of it sees.
+
+    Parameters
+    ----------
+    store : Store
+    camera : Camera
+        The view that they light.
+
+    Returns
+    -------
+    list of Light
+    """
+    center, radius = bounding_sphere(store)
+    size = max(radius, length(moved(camera.eye, -1.0, center)))
+    lights = []
+    for parts, brightness in (KEY, FILL):
+        position = camera.eye
+        for part, axis in zip(parts, axes_of(camera), strict=True):
+            position = moved(position, size * part, axis)
+        lights.append(Light(position, (brightness,) * 3))
+    return lights
+
+
+def bounding_sphere(store: Store) -> tuple[Vector, float]:
+    """Center (world coordinates) and radius of the sphere around the bounds.
+
+    ``(lo + hi) / 2 + origin``, and ``|hi - lo| / 2``; the origin and 0 where there are no objects.
+    """
+    if store.bounds.empty:
+        return store.origin, 0.0
+    x, y, z = (float(c) for c in (store.bounds.lo + store.bounds.hi) / 2)
+    return moved(store.origin, 1.0, (x, y, z)), store.bounds.diagonal / 2
+
+
+def half_angle(camera: Camera) -> float:
+    """Half the smaller angle of view, in radians.
+
+    The vertical one is ``angle``, the horizontal one ``2 atan(tan(angle / 2) width / height)``.
+    """
+    width, height = camera.resolution
+    half = math.radians(camera.angle) / 2
+    return half if width >= height else math.atan(math.tan(half) * width / height)
+
+
+def way_to_eye(up: Vector) -> Vector:
+    """The unit direction to the eye: `TO_EYE`, of axes that `up` decides.
+
+    ``front = x cross up``, or ``y cross up`` where `up` is along x more than y and z;
+    ``right = up cross front``.
+    """
+    above = unit(up)
+    if not all(math.isfinite(x) for x in above) or not any(above):
+        raise SettingError(f"up: found {up}, expected finite numbers that are not all zero")
+    x, y, z = (abs(part) for part in above)
+    aside = (0.0, 1.0, 0.0) if x > max(y, z) else (1.0, 0.0, 0.0)
+    front = unit(cross(aside, above))
+    way = (0.0, 0.0, 0.0)
+    for part, axis in zip(TO_EYE, (cross(above, front), front, above), strict=True):
+        way = moved(way, part, axis)
+    return unit(way)
+
+
+def axes_of(camera: Camera) -> tuple[Vector, Vector, Vector]:
+    """The unit vectors to the right, up, and back from what the camera looks at."""
+    back = unit(moved(camera.eye, -1.0, camera.at))
+    right = unit(cross(camera.up, back))
+    return right, cross(back, right), back
+
+
+def moved(start: Vector, by: float, way: Vector) -> Vector:
+    """``start + by * way``."""
+    return start[0] + by * way[0], start[1] + by * way[1], start[2] + by * way[2]
+
+
+def length(v: Vector) -> float:
+    """The length of a vector."""
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+def unit(v: Vector) -> Vector:
+    """The vector at length one; zero stays zero. Scaled first, so that no square is lost."""
+    size = max(abs(part) for part in v) or 1.0
+    scaled = v[0] / size, v[1] / size, v[2] / size
+    return moved((0.0, 0.0, 0.0), 1.0 / (length(scaled) or 1.0), scaled)
