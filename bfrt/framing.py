@@ -25,9 +25,10 @@ from bfrt.scene.store import Store
 TO_EYE = (1.0, 2.0, 1.0)
 
 #: From the eye to each light, in parts of right, up and back, and the light's color. The key light
-#: comes over the left shoulder; the fill, from the right, is a third as bright. The colors add up
-#: to 2, so that the lights together are as bright as any other two.
-KEY = ((-1.0, 1.0, 0.5), 1.5)
+#: comes over the left shoulder, 38 degrees high for the framing camera, as a map's relief is
+#: shaded; the fill, from the right, is a third as bright. The colors add up to 2, so that the
+#: lights together are as bright as any other two.
+KEY = ((-1.25, 0.75, 0.5), 1.5)
 FILL = ((1.0, 0.25, 0.0), 0.5)
 
 

@@ -177,18 +177,20 @@ def test_a_light_over_the_left_shoulder_and_a_weaker_one_from_the_right(store):
     right, up, back = axes_of(camera)
     key, fill = framing_lights(store, camera)
     size = math.dist(camera.eye, camera.at)
-    for light, parts in ((key, (-1, 1, 0.5)), (fill, (1, 0.25, 0))):
+    for light, parts in ((key, (-1.25, 0.75, 0.5)), (fill, (1, 0.25, 0))):
         way = np.subtract(light.position, camera.eye)
         assert [way @ right, way @ up, way @ back] == pytest.approx(np.multiply(parts, size))
     assert key.color == (1.5, 1.5, 1.5) and fill.color == (0.5, 0.5, 0.5)
     assert framing_lights(store, camera) == [key, fill]
+    high = math.asin((key.position[2] - camera.at[2]) / math.dist(key.position, camera.at))
+    assert math.degrees(high) == pytest.approx(38, abs=0.5)
 
 
 def test_an_eye_in_the_midst_has_its_lights_outside(store):
     center, radius = bounding_sphere(store)
     inside = bfrt.Camera(center, (center[0], center[1] + 1, center[2]))
     key, fill = framing_lights(store, inside)
-    assert math.dist(key.position, center) == pytest.approx(1.5 * radius)
+    assert math.dist(key.position, center) == pytest.approx(math.sqrt(2.375) * radius)
     assert math.dist(fill.position, center) > radius
 
 
