@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -26,6 +27,7 @@ from bfrt.records import (
     FILM_BYTES,
     HIT_BYTES,
     MATERIAL_BYTES,
+    ON_REQUEST,
     PATH_BYTES,
     QUEUED_BYTES,
     RAY_BITS,
@@ -163,15 +165,15 @@ class Capacities:
     threads: int
 
 
-def frame_bytes(width: int, height: int, samples: int) -> int:
+def frame_bytes(width: int, height: int, samples: int, extra: int) -> int:
     """The film, and the finished image that is made of it while it is still there."""
-    return band_bytes(width, height, samples) + width * height * PIXEL_BYTES
+    return band_bytes(width, height, samples, extra) + width * height * (PIXEL_BYTES + extra)
 
 
-def band_bytes(width: int, rows: int, samples: int) -> int:
+def band_bytes(width: int, rows: int, samples: int, extra: int) -> int:
     """The film of a band of rows, while the image is on disk."""
     corners = samples == 0
-    return (width + corners) * (rows + corners) * (FILM_BYTES + AOV_BYTES) + IMAGE_BAND
+    return (width + corners) * (rows + corners) * (FILM_BYTES + AOV_BYTES + extra) + IMAGE_BAND
 
 
 class Frame(NamedTuple):
@@ -182,20 +184,22 @@ class Frame(NamedTuple):
     on_disk: bool
 
 
-def frame_of(width: int, height: int, samples: int, room: int) -> Frame:
+def frame_of(width: int, height: int, samples: int, extra: int, room: int) -> Frame:
     """The whole frame where it takes no more than its part of the memory, else bands of rows.
 
-    Ray queries have none.
+    Ray queries have none. `extra` are the bytes that a film element, and a pixel, have beyond
+    what they always have.
     """
     if not width:
         return Frame(0, 0, on_disk=False)
-    whole = frame_bytes(width, height, samples)
+    whole = frame_bytes(width, height, samples, extra)
     if whole <= room * FRAME_PART:
         return Frame(height, whole, on_disk=False)
-    row = band_bytes(width, 2, samples) - band_bytes(width, 1, samples)
-    fits = int((room * BAND_PART - band_bytes(width, 1, samples)) / row) + 1
+    first = band_bytes(width, 1, samples, extra)
+    row = band_bytes(width, 2, samples, extra) - first
+    fits = int((room * BAND_PART - first) / row) + 1
     rows = min(height, max(fits, -(-FEWEST_RAYS // width)))
-    return Frame(rows, band_bytes(width, rows, samples), on_disk=True)
+    return Frame(rows, band_bytes(width, rows, samples, extra), on_disk=True)
 
 
 def fixed_bytes(store: Store, threads: int) -> int:
@@ -228,6 +232,7 @@ def capacities(
     memory: int,
     threads: int,
     *,
+    aovs: Sequence[str] = (),
     grid: int | None = None,
     max_grid: int | None = None,
 ) -> Capacities:
@@ -237,6 +242,8 @@ def capacities(
     ----------
     width, height : int
         Of the frame; 0 where there is none, for rays that somebody asks about.
+    aovs : sequence of str
+        Which of `records.ON_REQUEST` the frame has.
     grid, max_grid : int, optional
         Voxels on the longest axis of a grid, or the most that there may be.
 
@@ -247,8 +254,9 @@ def capacities(
         grid that is asked for.
     """
     fixed = fixed_bytes(store, threads)
-    frame = frame_of(width, height, samples, memory - fixed)
-    small = frame_of(width, height, samples, 0)
+    extra = sum(ON_REQUEST[name] for name in aovs)
+    frame = frame_of(width, height, samples, extra, memory - fixed)
+    small = frame_of(width, height, samples, extra, 0)
     needed = int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
     least = fixed + small.bytes + needed
     if memory < least:

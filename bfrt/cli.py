@@ -24,7 +24,8 @@ from bfrt.conversion import convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.framing import framing_camera
 from bfrt.image.picture import SUFFIXES
-from bfrt.rendering import REFINEMENTS, at_least_one, render, scratch_folder
+from bfrt.records import ON_REQUEST
+from bfrt.rendering import REFINEMENTS, aovs_of, at_least_one, render, scratch_folder
 from bfrt.scene.hierarchy import Hierarchy, parse_hierarchy
 from bfrt.scene.model import Camera
 from bfrt.scene.store import Store, bounds_to, open_store
@@ -113,6 +114,10 @@ def add_render(commands: Any) -> None:
         help="stratified samples a pixel (default: one ray at each pixel corner)",
     )  # fmt: skip
     made.add_argument("--depth", type=int, default=5, metavar="N", help="hits along a path (5)")
+    made.add_argument(
+        "--aov", type=lambda names: tuple(names.split(",")), default=(), metavar="NAMES",
+        help="channels that the EXR has too, of: " + ",".join(ON_REQUEST),
+    )  # fmt: skip
     made.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"))
     made.add_argument(
         "--view", metavar="FILE|NAME",
@@ -186,7 +191,7 @@ def run_convert(options: argparse.Namespace) -> None:
 
 
 def run_render(options: argparse.Namespace) -> None:
-    check_outputs(options.output)
+    check_outputs(options.output, aovs_of(options.aov))
     memory = None if options.memory is None else parse_memory(options.memory)
     with opened(options) as store:
         image = render(
@@ -196,6 +201,7 @@ def run_render(options: argparse.Namespace) -> None:
             camera=camera_of(options, store),
             samples=options.samples,
             depth=options.depth,
+            aovs=options.aov,
             refine=options.refine,
             fresh_marks=options.fresh_marks,
             grid=options.grid,
@@ -295,13 +301,15 @@ def describe(store: Store) -> dict[str, Any]:
     }
 
 
-def check_outputs(outputs: list[str]) -> None:
-    """Refuse a suffix before the work, not after it."""
+def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
+    """Refuse a suffix, or channels that no output would keep, before the work, not after it."""
     for output in outputs:
         if Path(output).suffix.lower() not in SUFFIXES:
             raise SettingError(
                 f"{output}: found suffix {Path(output).suffix!r}, expected {', '.join(SUFFIXES)}"
             )
+    if aovs and not any(output.lower().endswith(".exr") for output in outputs):
+        raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
 
 
 @contextmanager

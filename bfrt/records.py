@@ -124,7 +124,12 @@ BOX_BYTES = 24
 OFFSET_BYTES = 4  # a polygon's end, counted in vertices
 FILM_BYTES = 32  # four 64-bit sums: R G B A
 AOV_BYTES = 24  # Z, N, 64-bit id
+POSITION_BYTES = 12  # P.X P.Y P.Z, where it is asked for
+ALBEDO_BYTES = 12  # albedo.R albedo.G albedo.B, likewise
 
+#: What the film and the image keep of the first sample only where it is asked for, by the name
+#: that asks for it, and its bytes a film element or a pixel: three float32 channels.
+ON_REQUEST = {"position": POSITION_BYTES, "albedo": ALBEDO_BYTES}
 
 VOXEL_BITS = 30
 RAY_BITS = 21

@@ -6,7 +6,7 @@ import logging
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from bfrt.framing import framing_camera, framing_lights
 from bfrt.image.canvas import Canvas
 from bfrt.image.film import Film
 from bfrt.image.picture import Image
+from bfrt.records import ON_REQUEST
 from bfrt.scene.model import Camera, Light
 from bfrt.scene.store import Store, open_store
 from bfrt.scheduler import Progress, Report, render_film
@@ -47,6 +48,7 @@ def render(
     camera: Camera | None = None,
     samples: int | None = None,
     depth: int = DEPTH,
+    aovs: Sequence[str] = (),
     refine: str = REFINEMENTS[-1],
     fresh_marks: bool = False,
     grid: int | None = None,
@@ -74,6 +76,10 @@ def render(
         averaged.
     depth : int
         Hits shaded along a path, the eye ray's included.
+    aovs : sequence of {"position", "albedo"}
+        Channels that the image has beside those that it always has, of each pixel's first sample:
+        P.X P.Y P.Z, world coordinates, inf on a miss; albedo.R albedo.G albedo.B, the material's
+        color, 0 on a miss. Each takes 12 bytes a pixel, twice while the frame is in memory.
     refine : {"sgb", "sg", "base"}
         The paper's refinements: ``base`` reads every box and all geometry wherever the original
         algorithm does; ``sg`` reads geometry only where a ray meets its box, or hits it; ``sgb``
@@ -96,7 +102,7 @@ def render(
     Returns
     -------
     Image
-        R G B A, Z, N and object ids; `Image.stats` has the counters.
+        R G B A, Z, N and object ids, and the `aovs`; `Image.stats` has the counters.
 
     Raises
     ------
@@ -117,8 +123,9 @@ def render(
     added = [] if store.lights else framing_lights(store, view)
     store = replace(store, lights=[*store.lights, *added])
     corners = CORNERS if samples is None else at_least_one("samples", samples)
+    kept = aovs_of(aovs)
     plan, stats = plan_of(
-        store, *view.resolution, corners,
+        store, *view.resolution, corners, kept,
         memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
     )  # fmt: skip
     stats.settings["depth"] = at_least_one("depth", depth)
@@ -130,6 +137,7 @@ def render(
             view,
             samples=corners,
             depth=depth,
+            aovs=kept,
             capacities=plan,
             refine=refine,
             fresh_marks=fresh_marks,
@@ -151,6 +159,7 @@ def plan_of(
     width: int,
     height: int,
     samples: int,
+    aovs: Sequence[str] = (),
     *,
     memory: str | int | None,
     threads: int | None,
@@ -171,6 +180,7 @@ def plan_of(
         samples,
         budget,
         count,
+        aovs=aovs,
         grid=None if grid is None else at_least_one("grid", grid),
         max_grid=None if max_grid is None else at_least_one("max_grid", max_grid),
     )
@@ -216,6 +226,15 @@ def describe(
 def digits(numbers: Iterable[float]) -> str:
     """Numbers as metadata has them, so long that map coordinates are told apart."""
     return " ".join(f"{x:.15g}" for x in numbers)
+
+
+def aovs_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Those of `records.ON_REQUEST` that are named, in its order."""
+    unknown = [name for name in names if name not in ON_REQUEST]
+    if unknown or isinstance(names, str):
+        found = repr(names if isinstance(names, str) else unknown[0])
+        raise SettingError(f"aovs: found {found}, expected a sequence of {', '.join(ON_REQUEST)}")
+    return tuple(name for name in ON_REQUEST if name in names)
 
 
 def at_least_one(name: str, value: int) -> int:

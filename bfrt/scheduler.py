@@ -20,7 +20,7 @@ which one more iteration traces.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -180,6 +180,7 @@ def render_film(
     *,
     samples: int,
     depth: int,
+    aovs: Sequence[str],
     capacities: Capacities,
     refine: str,
     fresh_marks: bool,
@@ -196,10 +197,12 @@ def render_film(
         A pixel; 0 is SPD's procedure.
     depth : int
         Hits of this depth are the last that are shaded; the eye ray's is 1.
+    aovs : sequence of str
+        Which of `records.ON_REQUEST` the film keeps.
     refine : {"base", "sg", "sgb"}
         The paper's refinements.
     """
-    film = Film(*camera.resolution, samples, capacities.rows)
+    film = Film(*camera.resolution, samples, capacities.rows, aovs)
     workers = Workers(capacities.threads)
     spools = [
         Spool(HIT, capacities.hits, scratch),

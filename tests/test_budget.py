@@ -132,12 +132,13 @@ def stores(tmp_path_factory):
 VIEW = st.tuples(
     st.integers(1, 4096), st.integers(1, 4096), st.sampled_from([0, 1, 16]), st.integers(1, 64)
 )
+AOVS = st.sampled_from([(), ("position",), ("albedo",), ("position", "albedo")])
 
 
-def least_of(store, width, height, samples, threads):
+def least_of(store, width, height, samples, threads, aovs=()):
     """What the refusal of one byte names, in bytes."""
     with pytest.raises(BudgetError) as caught:
-        capacities(store, width, height, samples, 1, threads)
+        capacities(store, width, height, samples, 1, threads, aovs=aovs)
     message = str(caught.value)
     found = re.fullmatch(
         rf"memory: found 0MiB, expected (\d+MiB) or more for {width} x {height} pixels "
@@ -147,30 +148,30 @@ def least_of(store, width, height, samples, threads):
     return parse_memory(found[1])
 
 
-@given(view=VIEW, which=st.integers(0, 2))
-def test_the_least_that_is_named_works_and_less_does_not(stores, view, which):
+@given(view=VIEW, which=st.integers(0, 2), aovs=AOVS)
+def test_the_least_that_is_named_works_and_less_does_not(stores, view, which, aovs):
     store = stores[which]
     width, height, samples, threads = view
-    least = least_of(store, *view)
-    plan = capacities(store, width, height, samples, least, threads)
+    least = least_of(store, *view, aovs)
+    plan = capacities(store, width, height, samples, least, threads, aovs=aovs)
     assert min(plan.blocks, plan.subspace, plan.rays, plan.candidates, plan.hits, plan.queue) > 0
     assert plan.rays >= budget.FEWEST_RAYS - 1
     with pytest.raises(BudgetError):
-        capacities(store, width, height, samples, least - MIB, threads)
+        capacities(store, width, height, samples, least - MIB, threads, aovs=aovs)
 
 
 @settings(max_examples=300)
-@given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 36))
-def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
+@given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 36), aovs=AOVS)
+def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more, aovs):
     store = stores[which]
     width, height, samples, threads = view
-    memory = least_of(store, *view) + more
-    plan = capacities(store, width, height, samples, memory, threads)
+    memory = least_of(store, *view, aovs) + more
+    plan = capacities(store, width, height, samples, memory, threads, aovs=aovs)
     group = store.groups[0]
     cut = partition_of(group, plan.limits)
     parts = {
         "fixed": fixed_bytes(store, threads),
-        "frame": frame_held(plan, width, height, samples),
+        "frame": frame_held(plan, width, height, samples, 12 * len(aovs)),
         "a slab": min(plan.limits.slab, 512 * cut.bricks),
         "where bricks are": 6 * cut.bricks,
         "starts and occupancy": cut.uppers * (4 + 8 / 64),
@@ -190,13 +191,13 @@ def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
     assert plan.candidates >= 4 * plan.rays
 
 
-def frame_held(plan, width, height, samples):
+def frame_held(plan, width, height, samples, extra):
     """The film of a band, or the whole film and the image."""
     corners = samples == 0
-    film = (width + corners) * (plan.rows + corners) * 56
+    film = (width + corners) * (plan.rows + corners) * (56 + extra)
     assert 1 <= plan.rows <= height
     assert plan.frame_on_disk or plan.rows == height
-    return film + (0 if plan.frame_on_disk else width * height * 40)
+    return film + (0 if plan.frame_on_disk else width * height * (40 + extra))
 
 
 @given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 32), step=st.integers(0, MIB))
@@ -232,6 +233,25 @@ def test_a_refusal_never_names_what_was_given(stores):
         capacities(stores[1], 512, 512, 0, least - MIB, 2)
     found, expected = re.findall(r"(\d+)MiB", str(caught.value))
     assert int(found) < int(expected)
+
+
+def test_channels_on_request_take_their_bytes_from_the_rays(stores):
+    """Film and image have them; what is not asked for takes nothing."""
+    plans = [
+        capacities(stores[1], 512, 512, 16, 512 << 20, 2, aovs=aovs)
+        for aovs in ((), ("position",), ("position", "albedo"))
+    ]
+    assert plans[0] == capacities(stores[1], 512, 512, 16, 512 << 20, 2)
+    lost = -np.diff([plan.rays for plan in plans])
+    part = budget.FLYING_PART * 2 * 12 * 512 * 512 / budget.FLYING_BYTES
+    assert (lost > 0).all() and lost == pytest.approx([part, part], rel=0.2)
+    # The least in which the frame is in memory without them: it is not, with them.
+    edge = next(
+        memory
+        for memory in range(128 * MIB, 1024 * MIB, MIB)
+        if not capacities(stores[1], 1400, 1400, 1, memory, 2).frame_on_disk
+    )
+    assert capacities(stores[1], 1400, 1400, 1, edge, 2, aovs=("albedo",)).frame_on_disk
 
 
 def test_a_larger_frame_needs_hardly_more(stores):

@@ -79,6 +79,7 @@ def test_the_compiler_agrees():
         np.zeros((0, 6)),
         1.0,
         np.zeros(3),
+        np.zeros(3),
         Film(1, 1, 1),
         np.zeros(0, records.QUEUED),
         lambda _: None,
@@ -117,6 +118,8 @@ def test_no_hit_is_no_object():
         ("OFFSET_BYTES", 4),
         ("FILM_BYTES", 4 * 8),
         ("AOV_BYTES", 4 + 3 * 4 + 8),
+        ("POSITION_BYTES", 3 * 4),
+        ("ALBEDO_BYTES", 3 * 4),
     ],
 )
 def test_bytes_that_a_budget_counts(name, size):

@@ -15,13 +15,16 @@ from memory_cap import memory_cap, run_in
 
 import bfrt
 from bfrt.budget import format_memory
-from bfrt.records import NO_HIT
+from bfrt.records import NO_HIT, ON_REQUEST
 
 ROOT = Path(__file__).parent.parent
 SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))
 
 #: rings 7 by the package itself (statistics of its authors): "within about 10 %".
 RINGS_7 = {"eye_hits": 263169, "reflection": 315236, "shadow": 1085002}
+
+#: Every channel is compared.
+AOVS = tuple(ON_REQUEST)
 
 KEYS = {
     "objects", "scene_bytes", "settings", "marks_reused", "grids", "hierarchy_seconds",
@@ -81,17 +84,17 @@ def least_memory(store, camera, **settings):
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_the_picture_is_the_same_for_any_number_of_threads(glass, threads):
     same(
-        bfrt.render(glass, threads=threads, memory="256MiB"),
-        bfrt.render(glass, threads=1, memory="1GiB", fresh_marks=True),
+        bfrt.render(glass, threads=threads, memory="256MiB", aovs=AOVS),
+        bfrt.render(glass, threads=1, memory="1GiB", aovs=AOVS, fresh_marks=True),
     )
 
 
 @pytest.mark.parametrize("memory", ["least", "100MiB", "256MiB", "1GiB"])
 def test_the_picture_is_the_same_for_any_budget(rings, small, memory):
     if memory == "least":
-        memory = least_memory(rings, small, threads=2)
-    image = bfrt.render(rings, camera=small, threads=2, memory=memory)
-    same(image, bfrt.render(rings, camera=small, threads=2, memory="512MiB"))
+        memory = least_memory(rings, small, threads=2, aovs=AOVS)
+    image = bfrt.render(rings, camera=small, threads=2, memory=memory, aovs=AOVS)
+    same(image, bfrt.render(rings, camera=small, threads=2, memory="512MiB", aovs=AOVS))
 
 
 def test_the_picture_is_the_same_when_nearly_everything_is_spooled(glass, tmp_path, monkeypatch):
@@ -104,9 +107,9 @@ def test_the_picture_is_the_same_when_nearly_everything_is_spooled(glass, tmp_pa
         limits = given.limits._replace(voxels=30)
         return replace(given, limits=limits, rays=97, candidates=97, hits=50, queue=13)
 
-    expected = bfrt.render(glass, memory="512MiB")
+    expected = bfrt.render(glass, memory="512MiB", aovs=AOVS)
     monkeypatch.setattr(module, "capacities", tight)
-    image = bfrt.render(glass, memory="512MiB", scratch=tmp_path, fresh_marks=True)
+    image = bfrt.render(glass, memory="512MiB", aovs=AOVS, scratch=tmp_path, fresh_marks=True)
     same(image, expected)
     assert sum(phase.bytes_written for phase in [image.stats.total.phases.shading]) > 100_000
     assert list(tmp_path.iterdir()) == []
@@ -165,10 +168,10 @@ def test_depth_limits_the_path(glass):
 def test_samples_converge_to_the_corner_picture(glass):
     corners = bfrt.render(glass, memory="256MiB").rgb
     one = bfrt.render(glass, memory="256MiB", samples=1).rgb
-    many = bfrt.render(glass, memory="256MiB", samples=16)
+    many = bfrt.render(glass, memory="256MiB", samples=16, aovs=AOVS)
     assert many.stats.total.rays.eye == 80 * 60 * 16
     assert np.abs(many.rgb - corners).mean() < np.abs(one - corners).mean()
-    same(many, bfrt.render(glass, memory="256MiB", samples=16, threads=1))
+    same(many, bfrt.render(glass, memory="256MiB", samples=16, threads=1, aovs=AOVS))
 
 
 def test_ids_depth_and_normals_are_those_of_the_upper_left_corner(glass):
@@ -248,9 +251,12 @@ def test_the_budget_is_kept_in_a_memory_cgroup(rings, tmp_path):
     assert first == second
 
 
+@pytest.mark.parametrize("aovs", [(), AOVS], ids=["as always", "every channel"])
 @pytest.mark.parametrize(("memory", "side"), [("100MiB", 512), ("160MiB", 512), ("288MiB", 1400)])
-def test_the_peak_is_below_the_budget(rings, tmp_path, memory, side):
+def test_the_peak_is_below_the_budget(rings, tmp_path, memory, side, aovs):
     size = ["--resolution", str(side), str(side)]
+    if aovs:
+        size += ["--aov", ",".join(aovs)]
     command = [sys.executable, "-m", "bfrt", "render", str(rings.path), "--memory", memory]
     outputs = ["-o", str(tmp_path / "a.exr"), "--stats", str(tmp_path / "a.json")]
     subprocess.run([*command, *outputs, *size], check=True, cwd=tmp_path)
@@ -279,7 +285,9 @@ def test_bands_of_rows_make_the_same_picture(rings, tmp_path, monkeypatch, rows,
         return replace(given, rows=rows, frame_on_disk=True)
 
     camera = replace(rings.camera, resolution=(24, 17))
-    settings = {"camera": camera, "memory": "256MiB", "samples": samples, "scratch": tmp_path}
+    settings = {
+        "camera": camera, "memory": "256MiB", "samples": samples, "aovs": AOVS, "scratch": tmp_path,
+    }  # fmt: skip
     expected = bfrt.render(rings, **settings)
     monkeypatch.setattr(module, "capacities", banded)
     told = []

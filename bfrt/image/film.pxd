@@ -10,6 +10,8 @@ cdef class Film:
     cdef int64_t[:, ::1] sums       # element, R G B A; units of 2^-32
     cdef float[:, ::1] depth_normal  # element: Z, N.X, N.Y, N.Z of sample 0
     cdef uint64_t[::1] ids          # element: object id of sample 0
+    cdef float[:, ::1] positions    # element: P.X, P.Y, P.Z of sample 0; none if not asked for
+    cdef float[:, ::1] albedos      # element: albedo.R, .G, .B of sample 0; likewise
     cdef int64_t first              # the element that is the first in memory
     cdef readonly int row           # the image row that it begins
     cdef readonly int held          # image rows in memory at a time

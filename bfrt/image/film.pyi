@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from typing import Any
 
 from numpy.typing import NDArray
@@ -9,7 +10,15 @@ class Film:
     row: int
     held: int
     end: int
-    def __init__(self, width: int, height: int, samples: int, held: int | None = None) -> None: ...
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        samples: int,
+        held: int | None = None,
+        aovs: Sequence[str] = (),
+    ) -> None: ...
+    def planes(self) -> list[tuple[NDArray[Any], Any]]: ...
     def elements(self) -> tuple[int, int]: ...
     def advance(self) -> None: ...
     def rows(self, first: int, last: int) -> dict[str, NDArray[Any]]: ...

@@ -30,9 +30,11 @@ cdef class Film:
         A pixel; 0 means SPD's procedure: one at each corner.
     held : int, optional
         Rows of the image that are in memory at a time; by default all.
+    aovs : sequence of str
+        Which of `records.ON_REQUEST` are kept too.
     """
 
-    def __cinit__(self, int width, int height, int samples, held=None):
+    def __cinit__(self, int width, int height, int samples, held=None, aovs=()):
         self.corners = samples == 0
         self.samples = max(samples, 1)
         self.shape = (height + self.corners, width + self.corners)
@@ -41,13 +43,24 @@ cdef class Film:
         self.sums = np.zeros((elements, 4), np.int64)
         self.depth_normal = np.zeros((elements, 4), np.float32)
         self.ids = np.empty(elements, np.uint64)
+        self.positions = np.empty((elements if "position" in aovs else 0, 3), np.float32)
+        self.albedos = np.empty((elements if "albedo" in aovs else 0, 3), np.float32)
         self.clear(0)
+
+    def planes(self):
+        """The arrays of all elements, each with what an element has that nothing has met."""
+        return [
+            (np.asarray(self.sums), 0),
+            (np.asarray(self.depth_normal), (np.inf, 0, 0, 0)),
+            (np.asarray(self.ids), NO_HIT),
+            (np.asarray(self.positions), np.inf),
+            (np.asarray(self.albedos), 0),
+        ]
 
     def clear(self, int kept):
         """Forget all elements but the first `kept`."""
-        np.asarray(self.sums)[kept:] = 0
-        np.asarray(self.depth_normal)[kept:] = (np.inf, 0, 0, 0)
-        np.asarray(self.ids)[kept:] = NO_HIT
+        for plane, nothing in self.planes():
+            plane[kept:] = nothing
 
     @property
     def end(self):
@@ -67,9 +80,8 @@ cdef class Film:
             return
         across = self.shape[1]
         shared = across if self.corners else 0
-        arrays = [np.asarray(self.sums), np.asarray(self.depth_normal), np.asarray(self.ids)]
-        for memory in arrays:
-            memory[:shared] = memory[last * across:last * across + shared]
+        for plane, _ in self.planes():
+            plane[:shared] = plane[last * across:last * across + shared]
         self.clear(shared)
         self.row += last
         self.first = self.row * <int64_t>across
@@ -77,14 +89,14 @@ cdef class Film:
     def rows(self, int first, int last):
         """Channels of the image rows [first, last), of this band: a dict of (rows, width) arrays.
 
-        R G B A are float32 averages. Z, N and ids are those of sample 0 (the upper left corner
-        in SPD's procedure) and never averaged; a miss has Z = inf, N = 0 and id = 2^64 - 1.
+        R G B A are float32 averages. Z, N and ids, and P and albedo where they are asked for, are
+        those of sample 0 (the upper left corner in SPD's procedure) and never averaged; a miss has
+        Z = inf, N = 0, id = 2^64 - 1, P = inf in all three, and albedo = 0.
         """
         width = self.shape[1] - self.corners
         held = (self.held + self.corners, self.shape[1])
         first, last = first - self.row, last - self.row
         sums = np.asarray(self.sums).reshape(*held, 4)
-        seen = np.asarray(self.depth_normal).reshape(*held, 4)[first:last, :width]
         ids = np.asarray(self.ids).reshape(held)[first:last, :width]
         # Four corners of sums below 2^63 would overflow an integer sum; a quarter of each, in
         # float64, is exact up to 2^53 and rounds once beyond, in one order.
@@ -96,8 +108,14 @@ cdef class Film:
             mean = sums[first:last] / self.samples
         color = (mean / UNIT).astype(np.float32)
         channels = {name: color[:, :, k] for k, name in enumerate("RGBA")}
-        for k, name in enumerate(("Z", "N.X", "N.Y", "N.Z")):
-            channels[name] = seen[:, :, k]
+        for names, plane in (
+            (("Z", "N.X", "N.Y", "N.Z"), self.depth_normal),
+            (("P.X", "P.Y", "P.Z"), self.positions),
+            (("albedo.R", "albedo.G", "albedo.B"), self.albedos),
+        ):
+            if plane.shape[0]:
+                seen = np.asarray(plane).reshape(*held, len(names))[first:last, :width]
+                channels |= {name: seen[:, :, k] for k, name in enumerate(names)}
         channels["id.lo"] = ids.astype(np.uint32)
         channels["id.hi"] = (ids >> np.uint64(32)).astype(np.uint32)
         return {name: np.ascontiguousarray(channel) for name, channel in channels.items()}

@@ -28,7 +28,8 @@ class Image:
     Parameters
     ----------
     channels : dict of str to ndarray, shape (height, width)
-        R G B A, linear float32; and as far as they were asked for: Z (inf on a miss), N.X N.Y N.Z
+        R G B A, linear float32; and as far as they were asked for: Z (inf on a miss), N.X N.Y N.Z,
+        P.X P.Y P.Z (the position, inf on a miss), albedo.R albedo.G albedo.B (the material's color)
         float32, id.lo id.hi uint32 (the halves of the 64-bit object id, both 0xFFFFFFFF on a
         miss). The arrays are kept, not copied.
     metadata : dict of str to str

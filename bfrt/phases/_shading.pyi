@@ -17,6 +17,7 @@ class Shader:
         lights: NDArray[np.float64],
         ambient: float,
         eye: ArrayLike,
+        origin: ArrayLike,
         film: Film,
         out: NDArray[Any],
         emit: Callable[[NDArray[Any]], None],

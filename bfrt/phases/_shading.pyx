@@ -24,6 +24,10 @@ cdef struct Bent:
     Vec d
 
 
+cdef inline void put(float* out, Vec v) noexcept nogil:
+    out[0], out[1], out[2] = <float>v.x, <float>v.y, <float>v.z
+
+
 cdef inline Vec reflected(Vec d, Vec n) noexcept nogil:
     return along(d, n, -2.0 * dot(d, n))
 
@@ -66,7 +70,9 @@ cdef class Shader:
     ambient : float
         Intensity of the ambient light.
     eye : (3,) float64
-        Where Z is measured from.
+        Where Z is measured from, relative to the store's origin.
+    origin : (3,) float64
+        The store's, in world coordinates: those of P.
     film : Film
     out : (room,) records.QUEUED
         A buffer; at least lights + 2.
@@ -78,6 +84,7 @@ cdef class Shader:
     cdef const double[:, ::1] lights
     cdef double ambient
     cdef Vec eye
+    cdef Vec origin
     cdef Film film
     cdef Queued[::1] out
     cdef object rays
@@ -88,11 +95,12 @@ cdef class Shader:
     cdef readonly int64_t shadow
 
     def __cinit__(self, const Material[::1] palette, const double[:, ::1] lights, double ambient,
-                  eye, Film film, out, emit):
+                  eye, origin, Film film, out, emit):
         self.palette = palette
         self.lights = lights
         self.ambient = ambient
         self.eye = vec(eye[0], eye[1], eye[2])
+        self.origin = vec(origin[0], origin[1], origin[2])
         self.film = film
         self.out = self.rays = out
         self.emit = emit
@@ -181,7 +189,7 @@ cdef class Shader:
         if dot(s.shading, s.geometric) < 0.0:
             s.shading = scale(s.shading, -1.0)
         if h.kind == EYE:
-            self.see(h, p, seen)
+            self.see(h, p, seen, m)
         film_add(
             self.film, h.pixel, self.ambient * m.kd * m.red * h.red,
             self.ambient * m.kd * m.green * h.green, self.ambient * m.kd * m.blue * h.blue,
@@ -193,15 +201,19 @@ cdef class Shader:
         if not last and (m.ks > 0.0 or m.transmittance > 0.0):
             self.go_on(h, &s, d, p, offset, m, outside)
 
-    cdef void see(self, const Hit* h, Vec p, Vec n) noexcept nogil:
+    cdef void see(self, const Hit* h, Vec p, Vec n, const Material* m) noexcept nogil:
         """Keep what sample 0 sees."""
         cdef int64_t element = h.pixel - self.film.first
         cdef float* seen = &self.film.depth_normal[element, 0]
         if h.sample:
             return
         seen[0] = <float>length(sub(p, self.eye))
-        seen[1], seen[2], seen[3] = <float>n.x, <float>n.y, <float>n.z
+        put(seen + 1, n)
         self.film.ids[element] = h.id
+        if self.film.positions.shape[0]:
+            put(&self.film.positions[element, 0], add(p, self.origin))
+        if self.film.albedos.shape[0]:
+            put(&self.film.albedos[element, 0], vec(m.red, m.green, m.blue))
 
     cdef void light(self, const Hit* h, const Surface* s, Vec d, Vec o, const Material* m,
                     const double* light) noexcept nogil:

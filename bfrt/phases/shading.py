@@ -49,10 +49,13 @@ class Shading:
         self._capacity = capacities.hits
         self._ambient = light_intensity(len(store.lights))
         self._palette = store.materials()
-        origin = np.array(store.origin)
+        origin = self._origin = np.array(store.origin)
         self._lights = np.array(
             [
-                (*(np.array(light.position) - origin), *(self._ambient * np.array(light.color)))
+                (
+                    *(np.array(light.position) - origin),
+                    *(self._ambient * np.array(light.color)),
+                )
                 for light in store.lights
             ]
         ).reshape(-1, 6)
@@ -83,7 +86,16 @@ class Shading:
     ) -> None:
         ids = np.ascontiguousarray(hits["id"])
         shaders = [
-            Shader(self._palette, self._lights, self._ambient, self._eye, self._film, out, emit)
+            Shader(
+                self._palette,
+                self._lights,
+                self._ambient,
+                self._eye,
+                self._origin,
+                self._film,
+                out,
+                emit,
+            )
             for out in self._out
         ]
 

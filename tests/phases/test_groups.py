@@ -74,9 +74,11 @@ def test_the_picture_is_that_of_one_group(tmp_path, refine):
             for g in range(groups):
                 part = spheres[g::groups].astype(np.float32)
                 writer.spheres(part[:, :3], part[:, 3], numbers[g::groups], group=g)
-        images.append(bfrt.render(tmp_path / f"{groups}", memory="256MiB", refine=refine))
+        images.append(
+            bfrt.render(tmp_path / f"{groups}", memory="256MiB", refine=refine, aovs=("position",))
+        )
     one, three = images
-    for name in ("R", "G", "B", "A", "Z", "N.X"):
+    for name in ("R", "G", "B", "A", "Z", "N.X", "P.X", "P.Y", "P.Z"):
         np.testing.assert_array_equal(one.channels[name], three.channels[name])
     assert one.stats.total.rays == three.stats.total.rays
     assert len(three.stats.grids) == 3 and one.stats.total.rays.refraction > 0

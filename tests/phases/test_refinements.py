@@ -13,7 +13,7 @@ from bfrt.errors import SettingError, StoreError
 from bfrt.geometry.lattice import Lattice
 from bfrt.phases._selection import Selection
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.records import PARENT
+from bfrt.records import ON_REQUEST, PARENT
 from bfrt.rendering import REFINEMENTS
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.workers import Workers
@@ -23,6 +23,9 @@ SIZES = {
     "balls": (2, 3), "gears": (1, 2), "mount": (3, 5), "rings": (2, 4),
     "teapot": (3, 6), "tetra": (3, 5), "tree": (4, 7),
 }  # fmt: skip
+
+#: Every channel is compared.
+AOVS = tuple(ON_REQUEST)
 
 
 def pixels(image):
@@ -39,7 +42,8 @@ def test_pictures_and_rays_are_the_same(name, tmp_path):
             scene.camera.eye, scene.camera.at, scene.camera.up, resolution=(64, 64)
         )
         images = {
-            r: bfrt.render(store, memory="256MiB", camera=camera, refine=r) for r in REFINEMENTS
+            r: bfrt.render(store, memory="256MiB", camera=camera, refine=r, aovs=AOVS)
+            for r in REFINEMENTS
         }
         base = images["base"]
         for image in images.values():
