@@ -20,7 +20,7 @@ from typing import Any
 
 import bfrt
 from bfrt.budget import parse_memory
-from bfrt.conversion import convert, is_store, parse_spd, read_view
+from bfrt.conversion import READERS, convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.framing import framing_camera
 from bfrt.image.picture import SUFFIXES
@@ -91,16 +91,21 @@ def add_convert(commands: Any) -> None:
     made = command(commands, "convert", run_convert, "Stream a scene file into a scene store.")
     made.add_argument(
         "input", nargs="+",
-        help="an NFF file, - for standard input, or spd:NAME:SIZE; of several, each is a group",
+        help=f"a file ({' '.join(READERS)}), - for NFF from standard input, or spd:NAME:SIZE; "
+        "of several, each is a group",
     )  # fmt: skip
     made.add_argument("-o", "--output", required=True, help="the store to make (X.bfrt)")
-    made.add_argument("--dtype", choices=("float32", "float64"), default="float32")
+    made.add_argument("--memory", help="budget of the whole process (default: a quarter)")
+    made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
     add_hierarchy(made)
+    add_reading(made)
 
 
 def add_render(commands: Any) -> None:
     made = command(commands, "render", run_render, "Render a scene inside a memory budget.")
-    made.add_argument("input", help="a scene store, an NFF file, -, or spd:NAME:SIZE")
+    made.add_argument(
+        "input", help="a scene store, or what convert takes, converted before and removed after"
+    )
     made.add_argument(
         "-o", "--output", action="append", required=True, metavar="FILE",
         help="picture to write: .exr, .png or .npy; may be repeated",
@@ -145,6 +150,56 @@ def add_render(commands: Any) -> None:
     made.add_argument(
         "--max-grid", type=int, metavar="N", help="voxels on the longest axis at the most"
     )
+    add_reading(made)
+
+
+def add_reading(made: argparse.ArgumentParser) -> None:
+    """What files of points and meshes leave open."""
+    group = made.add_argument_group("reading files of meshes and points")
+    group.add_argument(
+        "--dtype", choices=("float32", "float64"), help="of coordinates (default: the file's own)"
+    )
+    group.add_argument(
+        "--radius", type=number_or_name, metavar="R|NAME",
+        help="of points: in the file's units, or the name of what has each one's",
+    )  # fmt: skip
+    group.add_argument("--positions", metavar="NAME", help="the array or dataset of points")
+    group.add_argument(
+        "--color-by", metavar="NAME",
+        help="numbers that a map makes colors of, or rgb for the file's own colors",
+    )  # fmt: skip
+    group.add_argument("--colormap", metavar="NAME", help="cubehelix, gray, or one of matplotlib's")
+    group.add_argument(
+        "--color-range", type=float, nargs=2, metavar=("LO", "HI"),
+        help="numbers of the map's ends (default: the least and the greatest, by another pass)",
+    )  # fmt: skip
+    group.add_argument(
+        "--skip-invalid", action="store_true", help="drop objects that are not finite, and say so"
+    )
+    group.add_argument(
+        "--triangulate", action="store_true", help="make triangles of faces of more corners"
+    )
+
+
+def number_or_name(text: str) -> float | str:
+    """A number where it is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+#: Settings of `convert` that the command line names as it does.
+READING = (
+    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
+    "triangulate", "memory", "scratch",
+)  # fmt: skip
+
+
+def reading_of(options: argparse.Namespace) -> dict[str, Any]:
+    """What was asked of the reader."""
+    given = {name: getattr(options, name) for name in READING}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def add_spd(commands: Any) -> None:
@@ -184,9 +239,9 @@ def run_convert(options: argparse.Namespace) -> None:
         convert(
             options.input,
             options.output,
-            dtype=options.dtype,
             hierarchy=hierarchy_of(options),
             progress=progress,
+            **reading_of(options),
         )
 
 
@@ -316,6 +371,12 @@ def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
 def opened(options: argparse.Namespace) -> Iterator[Store]:
     """The store to render: as given, or converted in the scratch folder and removed after."""
     if is_store(options.input):
+        for name in READING[:-2]:
+            if getattr(options, name):
+                flag = name.replace("_", "-")
+                raise SettingError(
+                    f"{options.input}: found --{flag}, expected it for a file, not for a store"
+                )
         yield open_store(options.input)
         return
     folder = scratch_folder(options.scratch, Path(options.output[0]))
@@ -324,7 +385,11 @@ def opened(options: argparse.Namespace) -> Iterator[Store]:
         with reading_bar(options.input, quiet=options.quiet) as progress:
             name = Path(options.input.replace(":", "-")).stem or "scene"
             store = convert(
-                options.input, temporary / f"{name}.bfrt", progress=progress, durable=False
+                options.input,
+                temporary / f"{name}.bfrt",
+                progress=progress,
+                durable=False,
+                **reading_of(options),
             )
         yield store
     finally:

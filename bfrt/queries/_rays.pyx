@@ -33,7 +33,7 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     origins, directions : (n, 3) float64
         IN. World coordinates.
     t_min, t_max : (n,) float64
-        IN. Hits count in [t_min, t_max): a ray begins at its t_min.
+        IN. Hits count in (t_min, t_max): a ray begins at its t_min.
     origin : sequence of 3 float
         The store's.
     bounds : (2, 3) float64

@@ -112,7 +112,7 @@ def cast_rays(
         World coordinates; directions of any length but zero. Memory maps and files may be larger
         than memory. Without directions, `origins` is an iterable of blocks, pairs of such arrays.
     t_min, t_max : float or (n,) array_like
-        Hits count in [t_min, t_max), in lengths of the direction.
+        Hits count in (t_min, t_max), in lengths of the direction.
     out : mapping of arrays, or path-like, optional
         Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` of
         each, and the answer is memory maps of these.
@@ -177,7 +177,7 @@ def occluded(
     progress: bool | Callable[[Progress], object] = False,
     **settings: Any,
 ) -> Answer:
-    """Find whether each ray hits anything in [t_min, t_max); the parameters are `cast_rays`'.
+    """Find whether each ray hits anything in (t_min, t_max); the parameters are `cast_rays`'.
 
     From a to b: directions ``b - a``, t_max 1, or a little less where b is on a surface.
 
@@ -212,7 +212,7 @@ def count_intersections(
     progress: bool | Callable[[Progress], object] = False,
     **settings: Any,
 ) -> Answer:
-    """Count all hits of each ray in [t_min, t_max); the parameters are `cast_rays`'.
+    """Count all hits of each ray in (t_min, t_max); the parameters are `cast_rays`'.
 
     A sphere or cone that is crossed twice counts twice, once where it is touched.
 
@@ -246,7 +246,7 @@ def list_intersections(
     progress: bool | Callable[[Progress], object] = False,
     **settings: Any,
 ) -> Answer:
-    """Find all hits of each ray in [t_min, t_max); the parameters are `cast_rays`'.
+    """Find all hits of each ray in (t_min, t_max); the parameters are `cast_rays`'.
 
     Returns
     -------
