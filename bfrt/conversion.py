@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.budget import BASELINE, default_memory, format_memory, parse_memory
-from bfrt.errors import BudgetError, SceneError, SettingError
+from bfrt.budget import default_memory, parse_memory
+from bfrt.errors import SceneError, SettingError
 from bfrt.formats.hdf5 import read_hdf5
 from bfrt.formats.las import read_las
 from bfrt.formats.nff import read_nff
@@ -61,12 +61,6 @@ READERS: dict[str, Reader] = {
     ".las": read_las,
     ".laz": read_las,
 }
-
-#: What a conversion takes beside a mesh's vertices: blocks that are read, made and written.
-CONVERTING = BASELINE + (76 << 20)
-
-#: The fewest bytes for vertices that are worth a pass.
-FEWEST_VERTICES = 8 << 20
 
 #: Blocks that wait to be written while the next is read.
 PENDING = 4
@@ -169,7 +163,7 @@ def convert(
         color_range=color_range,
         skip_invalid=skip_invalid,
         triangulate=triangulate,
-        memory=room_for_vertices(memory),
+        memory=default_memory() if memory is None else parse_memory(memory),
         scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
     )
     pairs = zip(names, readers, strict=True)
@@ -215,24 +209,6 @@ def reader_of(name: str) -> Reader | None:
     return READERS[suffix]
 
 
-def room_for_vertices(memory: str | int | None) -> int:
-    """Bytes of a budget that a mesh's vertices may take.
-
-    Raises
-    ------
-    BudgetError
-        If there are too few.
-    """
-    budget = default_memory() if memory is None else parse_memory(memory)
-    room = budget - CONVERTING
-    if room < FEWEST_VERTICES:
-        raise BudgetError(
-            f"memory: found {budget >> 20}MiB, expected "
-            f"{format_memory(CONVERTING + FEWEST_VERTICES)} or more to convert a scene"
-        )
-    return room
-
-
 def after(progress: Report | None, files: list[str]) -> Report | None:
     """A report that counts these files as read."""
     if progress is None:
@@ -270,36 +246,53 @@ class GroupSink:
 
 
 class Behind:
-    """A sink one step behind the reader: blocks are written while the next are read.
+    """A sink one step behind the reader: threads work blocks out while the next are read.
 
-    Blocks are copied, for the reader uses its own again; at most `PENDING` wait.
+    Blocks are added in the order they came in, at most `PENDING` later.
     """
 
     def __init__(self, sink: GroupSink) -> None:
         self._sink = sink
-        self._thread = ThreadPoolExecutor(1, "bfrt-writer")
-        self._pending: deque[Future[None]] = deque()
+        self._threads = ThreadPoolExecutor(usable_threads(), "bfrt-prepare")
+        self._pending: deque[Callable[[], object]] = deque()
+        self._begun: set[Kind] = set()
         self.camera = sink.camera
         self.light = sink.light
         self.background = sink.background
         self.material = sink.material
 
     def append(self, kind: Kind, records: NDArray[Any], materials: NDArray[np.uint32]) -> None:
-        self._hand_over(self._sink.append, kind, records.copy(), materials.copy())
+        if kind not in self._begun:
+            self._begin(kind, lambda: self._sink.append(kind, records, materials))
+            return
+        none = np.zeros_like(materials)
+        made = self._threads.submit(self._sink.prepare, kind, records, none, materials)
+        self._hand_over(lambda: self._sink.add(made.result()))
 
     def append_polygons(
         self, vertices: NDArray[Any], counts: NDArray[Any], materials: NDArray[np.uint32]
     ) -> None:
-        copies = vertices.copy(), counts.copy(), materials.copy()
-        self._hand_over(self._sink.append_polygons, *copies)
+        def add() -> None:
+            self._sink.append_polygons(vertices, counts, materials)
 
-    def _hand_over(self, write: Callable[..., None], *block: Any) -> None:
-        self._pending.append(self._thread.submit(write, *block))
+        if Kind.POLYGON in self._begun:
+            self._hand_over(add)
+        else:
+            self._begin(Kind.POLYGON, add)
+
+    def _begin(self, kind: Kind, add: Callable[[], object]) -> None:
+        """Add a kind's first block at once: it decides the store's origin and the dtype."""
+        self._begun.add(kind)
+        self._hand_over(add)
+        self._wait(0)
+
+    def _hand_over(self, add: Callable[[], object]) -> None:
+        self._pending.append(add)
         self._wait(PENDING)
 
     def _wait(self, most: int) -> None:
         while len(self._pending) > most:
-            self._pending.popleft().result()
+            self._pending.popleft()()
 
     def __enter__(self) -> Behind:
         return self
@@ -309,7 +302,7 @@ class Behind:
             if kind is None:
                 self._wait(0)
         finally:
-            self._thread.shutdown(cancel_futures=True)
+            self._threads.shutdown(cancel_futures=True)
 
 
 def read_scene(

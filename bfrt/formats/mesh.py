@@ -20,13 +20,20 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError
+from bfrt.budget import BASELINE, format_memory
+from bfrt.errors import BudgetError, SceneError
 from bfrt.formats.colors import Painter
 from bfrt.formats.outlet import Outlet
 from bfrt.streams.spool import Spool
 
 #: Corners of a queue that are looked up at once.
 BLOCK = 1 << 17
+
+#: What a conversion takes beside vertices: the process, blocks that are read, made and written.
+CONVERTING = BASELINE + (84 << 20)
+
+#: The fewest bytes of vertices that are worth a pass.
+FEWEST = 8 << 20
 
 PLACE = np.dtype([("place", "<u4")])
 
@@ -125,18 +132,25 @@ def joined(mesh: Mesh, memory: int, scratch: Path) -> Iterator[tuple[NDArray[Any
     ----------
     mesh : Mesh
     memory : int
-        Bytes that vertices may take.
+        Bytes that the process may take.
     scratch : Path
         Folder for the queues where they take more: 4 bytes and a vertex for each corner.
 
     Raises
     ------
+    BudgetError
+        If that is less than the least that works, which the message names.
     SceneError
         If an index is out of range.
     DiskFullError, StreamError
         As the system refuses.
     """
-    most = max(memory // (mesh.columns * mesh.row.itemsize), 1)
+    if memory < CONVERTING + FEWEST:
+        raise BudgetError(
+            f"memory: found {memory >> 20}MiB, expected {format_memory(CONVERTING + FEWEST)} or "
+            "more to convert a mesh"
+        )
+    most = (memory - CONVERTING) // (mesh.columns * mesh.row.itemsize)
     if mesh.vertices <= most:
         return joined_in_memory(mesh)
     return joined_on_disk(mesh, most, scratch)

@@ -243,11 +243,11 @@ class _Reader:
         if kind is Kind.POLYGON:
             vertices, counts, materials = self.parser.take_polygons()
             if len(counts):
-                self.sink.append_polygons(vertices, counts, materials)
+                self.sink.append_polygons(vertices.copy(), counts.copy(), materials.copy())
             return
         records, materials = self.parser.take(kind)
         if len(records):
-            self.sink.append(kind, records, materials)
+            self.sink.append(kind, records.copy(), materials.copy())
 
     def finish(self) -> None:
         for kind in Kind:

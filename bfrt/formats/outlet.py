@@ -22,9 +22,8 @@ LARGEST = float(np.finfo(np.float32).max)
 class SceneSink(Protocol):
     """What readers write to.
 
-    The arrays of ``append`` and ``append_polygons`` are views of buffers that the reader uses
-    again: a sink copies what it keeps. Objects of a kind come in input order, in blocks; blocks of
-    different kinds come as they fill.
+    The arrays of ``append`` and ``append_polygons`` are the sink's from then on. Objects of a kind
+    come in input order, in blocks; blocks of different kinds come as they fill.
     """
 
     def camera(self, camera: Camera, /) -> object:

@@ -33,7 +33,7 @@ class Reading:
     triangulate : bool
         Store faces of four and more corners as fans of triangles, not as polygons.
     memory : int
-        Bytes that vertices may take; a mesh that has more is joined on disk.
+        Bytes that the whole process may take; a mesh that has more vertices is joined on disk.
     scratch : Path
         Folder for what does not fit.
     """
