@@ -50,7 +50,15 @@ def run(script, *arguments, folder):
 
 
 def test_there_are_examples():
-    assert [script.stem for script in SCRIPTS] == ["balls", "gallery", "mount", "rings", "sight"]
+    assert [script.stem for script in SCRIPTS] == [
+        "balls",
+        "gallery",
+        "mesh",
+        "mount",
+        "particles",
+        "rings",
+        "sight",
+    ]
 
 
 @pytest.mark.parametrize("script", EXAMPLES, ids=lambda script: script.stem)
