@@ -3,12 +3,13 @@
 Vertices that fit in memory are held there, and a face's are looked up. Where they do not fit they
 are cut into windows that do, and the join takes three passes::
 
-    faces     -> for each window a queue of places in it, in the order of the corners
+    faces     -> for each window a queue of the places in it that a block of faces needs
     vertices  -> for each window, held in memory: its queue of places becomes one of vertices
-    faces     -> each corner takes the next vertex from its window's queue
+    faces     -> each block takes the next vertices from the windows' queues
 
-A corner's place in its queue is known from the order alone, so that nothing is sorted and no
-number of a corner is stored: 4 bytes and a vertex a corner are written and read once, forwards.
+A block's vertices are fetched once each, in their order, however many corners share one. What
+comes next in a queue is known from the faces alone, so that only 4 bytes and a vertex are written
+for each, and read once, forwards.
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ from bfrt.formats.colors import Painter
 from bfrt.formats.outlet import Outlet
 from bfrt.streams.spool import Spool
 
-#: Corners of a queue that are looked up at once.
+#: Vertices of a queue that are looked up at once.
 BLOCK = 1 << 17
+
+#: A block's vertices are looked up in a table where it has at most so many entries a corner.
+SPREAD = 4
 
 #: What a conversion takes beside vertices: the process, blocks that are read, made and written.
 CONVERTING = BASELINE + (84 << 20)
@@ -173,8 +177,9 @@ def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArr
             places.append(Spool(PLACE, 0, scratch))
             found.append(Spool(row, 0, scratch))
         for faces in checked(mesh):
-            for window, where in by_window(faces.indices, most):
-                place = (faces.indices[where] - window * most).astype(np.uint32)
+            needed, _ = once_each(faces.indices)
+            for window, part in by_window(needed, most):
+                place = (needed[part] - window * most).astype(np.uint32)
                 places[window].append(place.view(PLACE))
         for window, vertices in enumerate(windows(mesh, most)):
             while count := len(block := places[window].read(BLOCK)):
@@ -182,10 +187,12 @@ def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArr
                 found[window].append(corners.view(row).reshape(count))
             places[window].close()
         for faces in checked(mesh):
-            corners = np.empty((len(faces.indices), mesh.columns), mesh.row)
-            for window, where in by_window(faces.indices, most):
-                corners[where] = expect(found[window].read(len(where)), len(where), mesh)["row"]
-            yield corners, faces
+            needed, where = once_each(faces.indices)
+            vertices = np.empty((len(needed), mesh.columns), mesh.row)
+            for window, part in by_window(needed, most):
+                count = part.stop - part.start
+                vertices[part] = expect(found[window].read(count), count, mesh)["row"]
+            yield vertices.take(where, axis=0), faces
     finally:
         for spool in (*places, *found):
             spool.close()
@@ -214,13 +221,28 @@ def checked(mesh: Mesh) -> Iterator[Faces]:
         yield faces
 
 
-def by_window(indices: NDArray[np.int64], most: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """The windows that indices are in, each with the corners that it has, in order."""
-    window = indices // most
-    order = np.argsort(window, kind="stable")
-    starts = np.flatnonzero(np.diff(window[order], prepend=-1))
-    for start, end in zip(starts, [*starts[1:], len(order)], strict=True):
-        yield int(window[order[start]]), order[start:end]
+def once_each(indices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The vertices that corners need, ascending, and where each corner's is among them."""
+    if not len(indices):
+        return indices, indices
+    lo, hi = int(indices.min()), int(indices.max())
+    if hi - lo >= SPREAD * len(indices):
+        return np.unique(indices, return_inverse=True)
+    there = np.zeros(hi - lo + 1, np.bool_)
+    there[indices - lo] = True
+    place = np.cumsum(there) - 1
+    return lo + np.flatnonzero(there), place[indices - lo]
+
+
+def by_window(vertices: NDArray[np.int64], most: int) -> Iterator[tuple[int, slice]]:
+    """The windows that ascending vertices are in, each with its part of them."""
+    if len(vertices):
+        windows = np.arange(vertices[0] // most, vertices[-1] // most + 1)
+        ends = np.searchsorted(vertices, (windows + 1) * most)
+        starts = [0, *ends[:-1]]
+        for window, start, end in zip(windows, starts, ends, strict=True):
+            if start < end:
+                yield int(window), slice(int(start), int(end))
 
 
 def windows(mesh: Mesh, most: int) -> Iterator[NDArray[Any]]:
