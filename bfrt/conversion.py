@@ -27,8 +27,9 @@ from bfrt.formats.stl import read_stl
 from bfrt.records import Kind
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.model import Camera, Light, Vector
-from bfrt.scene.store import HEADER, Store, open_store
+from bfrt.scene.store import HEADER
 from bfrt.scene.writer import SceneWriter
+from bfrt.scene_file import Scene, open_scene
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
 from bfrt.workers import usable_threads
@@ -89,7 +90,7 @@ def convert(
     triangulate: bool = False,
     progress: Report | None = None,
     durable: bool = True,
-) -> Store:
+) -> Scene:
     """Convert scene files to a scene store, streaming.
 
     Parameters
@@ -137,7 +138,7 @@ def convert(
 
     Returns
     -------
-    Store
+    Scene
         The new store, opened.
 
     Raises
@@ -187,7 +188,7 @@ def convert(
             elif spd is not None:
                 reading.refuse_all_but(name)
                 spd.feed(sink, usable_threads())
-    return open_store(target)
+    return open_scene(target)
 
 
 def reader_of(name: str) -> Reader | None:

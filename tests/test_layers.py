@@ -18,9 +18,10 @@ LAYERS = [
     {"phases", "budget"},
     {"scheduler", "reference"},
     {"formats"},
-    {"rendering", "conversion"},
+    {"rendering"},
     {"queries"},
     {"scene_file"},
+    {"conversion"},
     {"__init__", "cli", "__main__"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

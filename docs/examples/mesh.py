@@ -43,14 +43,14 @@ def write_ply(path: Path) -> None:
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     header += [f"property float {name}" for name in ("x", "y", "z", "distance")]
     header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-    text = "\n".join([*header, "end_header", ""]).encode()
-    path.write_bytes(text + vertices.astype("<f4").tobytes() + rows.tobytes())
+    parts = "\n".join([*header, "end_header\n"]).encode(), vertices.astype("<f4"), rows
+    path.write_bytes(b"".join(parts))
 
 
 def main(folder: Path, pixels: int = 512) -> None:
     write_ply(folder / "knot.ply")
-    bfrt.convert(folder / "knot.ply", folder / "knot.bfrt", color_by="distance", memory="256MiB")
-    scene = bfrt.open(folder / "knot.bfrt")  # it has no camera and no lights: it is framed and lit
+    ply, store = folder / "knot.ply", folder / "knot.bfrt"
+    scene = bfrt.convert(ply, store, color_by="distance", memory="256MiB")
     camera = bfrt.framing_camera(scene, resolution=(pixels, pixels), angle=30)
     scene.render(camera=camera, memory="256MiB").save(folder / "mesh.png")
 

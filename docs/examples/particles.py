@@ -36,7 +36,7 @@ def write_snapshot(path: Path) -> None:
 
 def main(folder: Path, pixels: int = 512) -> None:
     write_snapshot(folder / "galaxy.h5")
-    bfrt.convert(
+    scene = bfrt.convert(
         folder / "galaxy.h5",
         folder / "galaxy.bfrt",
         radius="SmoothingLength",
@@ -44,7 +44,6 @@ def main(folder: Path, pixels: int = 512) -> None:
         color_range=(4.4, 6.0),
         memory="256MiB",
     )
-    scene = bfrt.open(folder / "galaxy.bfrt")
     camera = bfrt.Camera((6, -25, 21), (0, 0, 0), angle=50, resolution=(pixels, pixels))
     scene.render(camera=camera, memory="256MiB").save(folder / "particles.png")
 
