@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -32,17 +34,21 @@ def drop(path: Path) -> None:
                 os.close(descriptor)
 
 
-@contextmanager
-def memory_cap(amount: int) -> Iterator[Path]:
-    """A memory cgroup of `amount` bytes: its folder.
+def cgroup_of(root: Path) -> tuple[Path, str]:
+    """Where a cgroup of ours would be, and the file of its limit."""
+    return root / f"bfrt-bench-{os.getpid()}", (
+        "memory.limit_in_bytes" if root == V1 else "memory.max"
+    )
 
-    Raises
-    ------
-    SystemExit
-        Where none can be made: it takes root, and cgroups of version 1 or 2.
+
+@contextmanager
+def memory_cap(amount: int) -> Iterator[Path | None]:
+    """A memory cgroup of `amount` bytes: its folder; None where none can be made.
+
+    It takes root, and cgroups of version 1 or 2.
     """
-    root, limit = (V1, "memory.limit_in_bytes") if V1.is_dir() else (V2, "memory.max")
-    group = root / f"bfrt-bench-{os.getpid()}"
+    root = V1 if V1.is_dir() else V2
+    group, limit = cgroup_of(root)
     try:
         if root == V2:
             (V2 / "cgroup.subtree_control").write_text("+memory")
@@ -50,8 +56,11 @@ def memory_cap(amount: int) -> Iterator[Path]:
         (group / limit).write_text(str(amount))
         if (group / "memory.swap.max").exists():
             (group / "memory.swap.max").write_text("0")
-    except OSError as error:
-        raise SystemExit(f"no memory cgroup can be made here: {error}") from error
+    except OSError:
+        if group.exists():
+            group.rmdir()
+        yield None
+        return
     try:
         yield group
     finally:
@@ -63,6 +72,13 @@ def memory_cap(amount: int) -> Iterator[Path]:
                 time.sleep(0.1)
 
 
+@functools.cache
+def how_capped() -> str:
+    """What caps memory here."""
+    with memory_cap(1 << 30) as group:
+        return "cgroup" if group else "RLIMIT_DATA, which does not count the page cache"
+
+
 def peak_of(group: Path) -> int:
     """The most bytes that a cgroup has held, page cache included."""
     for name in ("memory.peak", "memory.max_usage_in_bytes"):
@@ -72,9 +88,21 @@ def peak_of(group: Path) -> int:
 
 
 def run_capped(arguments: list[str], amount: int) -> tuple[int, int]:
-    """Run ``python arguments`` inside a cgroup; its exit status and the cgroup's peak."""
+    """Run ``python arguments`` inside a cgroup, or else under RLIMIT_DATA.
+
+    Returns
+    -------
+    status, peak : int
+        The exit status, and the most bytes held: the cgroup's, or the process's resident ones.
+    """
     with memory_cap(amount) as group:
+        command = [sys.executable, *arguments]
+        if group is None:
+            script = 'ulimit -d "$0" && exec "$@"'
+            status = subprocess.run(
+                ["sh", "-c", script, str(amount >> 10), *command], check=False
+            ).returncode
+            return status, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
         script = 'echo $$ >"$0/cgroup.procs" && exec "$@"'
-        command = ["sh", "-c", script, str(group), sys.executable, *arguments]
-        status = subprocess.run(command, check=False).returncode
+        status = subprocess.run(["sh", "-c", script, str(group), *command], check=False).returncode
         return status, peak_of(group)

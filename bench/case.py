@@ -1,0 +1,84 @@
+"""One case of the suite, in a process of its own: what it does is told by JSON, so are its facts.
+
+::
+
+    python bench/case.py render '{"store": "rings.bfrt", "memory": 268435456}' facts.json
+
+The facts have a number that proves the answer: a digest of a picture's channels or of the answers,
+and counts of rays.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bfrt
+
+Facts = dict[str, Any]
+
+
+def digest(arrays: dict[str, np.ndarray]) -> str:
+    """A checksum of named arrays, bit for bit."""
+    total = 0
+    for name in sorted(arrays):
+        total = zlib.crc32(name.encode(), total)
+        total = zlib.crc32(np.ascontiguousarray(arrays[name]).view(np.uint8).reshape(-1), total)
+    return f"{total:08x}"
+
+
+def counted(stats: Any) -> Facts:
+    """What the counters say, in few words."""
+    found = stats.as_dict()
+    phases = found["phases"]
+    return {
+        "phases": {name: round(phase["seconds"], 4) for name, phase in phases.items()},
+        "bytes_read": sum(phase["bytes_read"] for phase in phases.values()),
+        "seeks": sum(phase["seeks"] for phase in phases.values()),
+        "passes": found["passes"],
+        "rays": found["rays"],
+        "box_tests": found["box_tests"],
+        "marks_reused": found["marks_reused"],
+    }
+
+
+def render(store: str, **settings: Any) -> Facts:
+    image = bfrt.render(store, **settings)
+    return {"digest": digest(image.channels), **counted(image.stats)}
+
+
+def cast(store: str, rays: int, what: str, **settings: Any) -> Facts:
+    """Random rays between points of the scene's bounds."""
+    scene = bfrt.open(store)
+    random = np.random.default_rng(1)
+    lo, hi = scene.bounds.lo, scene.bounds.hi
+    origins = random.uniform(lo, hi, (rays, 3))
+    directions = random.uniform(lo, hi, (rays, 3)) - origins
+    answer = getattr(scene, what)(origins, directions, **settings)
+    arrays = {key: value for key, value in answer.items() if isinstance(value, np.ndarray)}
+    return {"digest": digest(arrays), **counted(answer.stats)}
+
+
+def convert(source: str, target: str, **settings: Any) -> Facts:
+    scene = bfrt.convert(source, target, **settings)
+    return {"digest": f"{scene.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
+
+
+def spd(name: str, size: int, target: str) -> Facts:
+    scene = bfrt.spd.scene(name, size).write(target)
+    return {"digest": f"{scene.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
+
+
+CASES: dict[str, Callable[..., Facts]] = {
+    "render": render, "cast": cast, "convert": convert, "spd": spd,
+}  # fmt: skip
+
+if __name__ == "__main__":
+    what, settings, facts = sys.argv[1:]
+    Path(facts).write_text(json.dumps(CASES[what](**json.loads(settings))))
