@@ -89,6 +89,13 @@ def rows(
         yield np.repeat(missed, min(rays - first, ROWS))
 
 
+def split_ends(numbers: NDArray[np.int64], first: int, last: int) -> Iterator[NDArray[np.int64]]:
+    """Where the hits of each ray in [first, last) end, among hits of ascending ray numbers."""
+    for begin in range(first, last, ROWS):
+        rays = np.arange(begin, min(last, begin + ROWS))
+        yield np.searchsorted(numbers, rays, "right")
+
+
 #: Of each key of an answer its dtype and the shape of a row.
 Fields = Mapping[str, tuple[Any, tuple[int, ...]]]
 

@@ -16,6 +16,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ from bfrt.errors import Cancelled, SettingError
 from bfrt.phases.crossings import Crossings
 from bfrt.phases.picking import by_object, each_hit
 from bfrt.queries._rays import surfaces
-from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows
+from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
 from bfrt.queries.rays import AskedRays, Given, rays_of
 from bfrt.records import ASKED, HIT, INDEX_BITS, NO_HIT, QUEUED_BYTES, RayKind
 from bfrt.rendering import REFINEMENTS, plan_of, reporting, scratch_folder
@@ -66,6 +67,8 @@ HIT_FIELDS: Fields = {
 
 OCCLUDED: Fields = {"occluded": (np.bool_, ())}
 COUNTS: Fields = {"counts": (np.int64, ())}
+
+SPLITS: Fields = {"ray_splits": (np.int64, ())}
 
 
 class Answer(dict[str, NDArray[Any]]):
@@ -269,16 +272,20 @@ def list_intersections(
                 Crossings(lambda asked: hits.append(asked.view(HIT))),
                 then=lambda tracer: _resolve(tracer, query, hits, answers.append),
             )
-        counts = np.zeros(queue.taken + 1, np.int64)
         fields = {"ray_ids": (np.int64, ()), **HIT_FIELDS}
-        with Columns(fields, len(answers), folder) as columns:
-            for block in answers.ordered(queue.taken):
+        with (
+            Columns(fields, len(answers), folder) as columns,
+            Columns(SPLITS, queue.taken + 1, folder) as splits,
+        ):
+            splits.put({"ray_splits": np.zeros(1, np.int64)})
+            hits_before = rays_before = 0
+            for block in chain(answers.ordered(queue.taken), [np.empty(0, ANSWER)]):
                 numbers = block["number"].astype(np.int64)
-                first, last = int(numbers[0]), int(numbers[-1])
-                counts[first + 1 : last + 2] += np.bincount(numbers - first)
                 columns.put({"ray_ids": numbers, **_hit_columns(block)})
-        with Columns({"ray_splits": (np.int64, ())}, queue.taken + 1, folder) as splits:
-            splits.put({"ray_splits": np.cumsum(counts)})
+                rays = int(numbers[-1]) + 1 if len(numbers) else queue.taken
+                for ends in split_ends(numbers, rays_before, rays):
+                    splits.put({"ray_splits": hits_before + ends})
+                hits_before, rays_before = hits_before + len(numbers), rays
     return _answer(query, {**splits.arrays(), **columns.arrays()}, queue)
 
 
