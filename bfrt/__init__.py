@@ -21,6 +21,8 @@ from bfrt.errors import (
 )
 from bfrt.framing import framing_camera
 from bfrt.image.picture import Image
+from bfrt.planned import Plan
+from bfrt.planning import plan
 from bfrt.queries.casting import (
     Answer,
     cast_rays,
@@ -50,6 +52,7 @@ __all__ = [
     "Image",
     "Light",
     "Material",
+    "Plan",
     "Progress",
     "Scene",
     "SceneError",
@@ -66,6 +69,7 @@ __all__ = [
     "list_intersections",
     "occluded",
     "open",
+    "plan",
     "render",
     "spd",
 ]

@@ -164,16 +164,30 @@ class Capacities:
     read_buffer: int
     threads: int
 
+    def bands(self, height: int) -> int:
+        """Bands of rows in which an image so high is rendered."""
+        return -(-height // self.rows)
+
 
 def frame_bytes(width: int, height: int, samples: int, extra: int) -> int:
     """The film, and the finished image that is made of it while it is still there."""
-    return band_bytes(width, height, samples, extra) + width * height * (PIXEL_BYTES + extra)
+    return band_bytes(width, height, samples, extra) + image_bytes(width, height, extra)
+
+
+def image_bytes(width: int, height: int, extra: int) -> int:
+    """The finished image, in memory or on disk."""
+    return width * height * (PIXEL_BYTES + extra)
 
 
 def band_bytes(width: int, rows: int, samples: int, extra: int) -> int:
     """The film of a band of rows, while the image is on disk."""
     corners = samples == 0
     return (width + corners) * (rows + corners) * (FILM_BYTES + AOV_BYTES + extra) + IMAGE_BAND
+
+
+def extra_bytes(aovs: Sequence[str]) -> int:
+    """What a film element, and a pixel, have of these beyond what they always have."""
+    return sum(ON_REQUEST[name] for name in aovs)
 
 
 class Frame(NamedTuple):
@@ -254,7 +268,7 @@ def capacities(
         grid that is asked for.
     """
     fixed = fixed_bytes(store, threads)
-    extra = sum(ON_REQUEST[name] for name in aovs)
+    extra = extra_bytes(aovs)
     frame = frame_of(width, height, samples, extra, memory - fixed)
     small = frame_of(width, height, samples, extra, 0)
     needed = int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)

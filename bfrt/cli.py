@@ -24,6 +24,8 @@ from bfrt.conversion import READERS, convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.framing import framing_camera
 from bfrt.image.picture import SUFFIXES
+from bfrt.planned import Plan
+from bfrt.planning import plan
 from bfrt.records import ON_REQUEST
 from bfrt.rendering import REFINEMENTS, aovs_of, at_least_one, render, scratch_folder
 from bfrt.scene.hierarchy import Hierarchy, parse_hierarchy
@@ -107,7 +109,7 @@ def add_render(commands: Any) -> None:
         "input", help="a scene store, or what convert takes, converted before and removed after"
     )
     made.add_argument(
-        "-o", "--output", action="append", required=True, metavar="FILE",
+        "-o", "--output", action="append", default=[], metavar="FILE",
         help="picture to write: .exr, .png or .npy; may be repeated",
     )  # fmt: skip
     made.add_argument(
@@ -136,6 +138,10 @@ def add_render(commands: Any) -> None:
     made.add_argument(
         "--refine", choices=REFINEMENTS, default=REFINEMENTS[-1],
         help="the paper's refinements: base none, sg lazy geometry, sgb the hierarchy too (sgb)",
+    )  # fmt: skip
+    made.add_argument(
+        "--plan", action="store_true",
+        help="only print an estimate of passes, bytes, disk and seconds; nothing is written",
     )  # fmt: skip
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
     made.add_argument("--stats", metavar="FILE", help="write counters as JSON")
@@ -247,23 +253,15 @@ def run_convert(options: argparse.Namespace) -> None:
 
 def run_render(options: argparse.Namespace) -> None:
     check_outputs(options.output, aovs_of(options.aov))
+    if options.plan:
+        print(plan_asked(options))
+        return
+    if not options.output:
+        raise SettingError("render: nothing to write: expected -o FILE, or --plan")
     memory = None if options.memory is None else parse_memory(options.memory)
     with opened(options) as store:
-        image = render(
-            store,
-            memory=memory,
-            threads=options.threads,
-            camera=camera_of(options, store),
-            samples=options.samples,
-            depth=options.depth,
-            aovs=options.aov,
-            refine=options.refine,
-            fresh_marks=options.fresh_marks,
-            grid=options.grid,
-            max_grid=options.max_grid,
-            scratch=options.scratch,
-            progress=wants_bar(options.quiet),
-        )
+        settings = settings_of(options, store)
+        image = render(store, memory=memory, progress=wants_bar(options.quiet), **settings)
     for output in options.output:
         image.save(output, half=options.half and output.lower().endswith(".exr"))
     assert image.stats is not None
@@ -271,6 +269,33 @@ def run_render(options: argparse.Namespace) -> None:
         Path(options.stats).write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
     if options.table:
         print(image.stats.table())
+
+
+def plan_asked(options: argparse.Namespace) -> Plan:
+    """What the render would take; that of a store only, for to convert a file is work."""
+    if not is_store(options.input):
+        raise SettingError(
+            f"{options.input}: found no scene store to plan for: expected one that bfrt convert "
+            "or bfrt spd has made"
+        )
+    store = open_store(options.input)
+    return plan(store, memory=options.memory, **settings_of(options, store))
+
+
+def settings_of(options: argparse.Namespace, store: Store) -> dict[str, Any]:
+    """What a render and its plan are told, but for the memory."""
+    return {
+        "threads": options.threads,
+        "camera": camera_of(options, store),
+        "samples": options.samples,
+        "depth": options.depth,
+        "aovs": options.aov,
+        "refine": options.refine,
+        "fresh_marks": options.fresh_marks,
+        "grid": options.grid,
+        "max_grid": options.max_grid,
+        "scratch": options.scratch,
+    }
 
 
 def run_spd(options: argparse.Namespace) -> None:

@@ -119,11 +119,8 @@ def render(
     """
     start = time.perf_counter()
     store = scene if isinstance(scene, Store) else open_store(scene)
-    view = camera or store.camera or framing_camera(store)
-    added = [] if store.lights else framing_lights(store, view)
-    store = replace(store, lights=[*store.lights, *added])
-    corners = CORNERS if samples is None else at_least_one("samples", samples)
-    kept = aovs_of(aovs)
+    store, view, added = seen(store, camera)
+    corners, kept = samples_of(samples), aovs_of(aovs)
     plan, stats = plan_of(
         store, *view.resolution, corners, kept,
         memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
@@ -152,6 +149,18 @@ def render(
     if stats.bad_rays:
         log.warning("%d rays were NaN or had no direction, and hit nothing", stats.bad_rays)
     return image
+
+
+def seen(store: Store, camera: Camera | None) -> tuple[Store, Camera, list[Light]]:
+    """The scene as it is lit, the view of it, and which of its lights were added to it."""
+    view = camera or store.camera or framing_camera(store)
+    added = [] if store.lights else framing_lights(store, view)
+    return replace(store, lights=[*store.lights, *added]), view, added
+
+
+def samples_of(samples: int | None) -> int:
+    """Samples a pixel that are asked for, or `CORNERS`."""
+    return CORNERS if samples is None else at_least_one("samples", samples)
 
 
 def plan_of(

@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from bfrt.image.picture import Image
+from bfrt.planned import Plan
+from bfrt.planning import plan
 from bfrt.queries import casting
 from bfrt.queries.casting import Answer
 from bfrt.queries.rays import Given
@@ -21,6 +23,10 @@ class Scene(Store):
     def render(self, **settings: Any) -> Image:
         """Render it: `bfrt.render`."""
         return render(self, **settings)
+
+    def plan(self, **settings: Any) -> Plan:
+        """Tell what that would take, before any work: `bfrt.plan`."""
+        return plan(self, **settings)
 
     def cast_rays(self, origins: Given, directions: Given | None = None, **settings: Any) -> Answer:
         """Find the nearest hits of rays: `bfrt.cast_rays`."""

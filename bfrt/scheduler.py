@@ -224,7 +224,7 @@ def render_film(
         stats.grids.extend(field.facts for field in tracer.fields)
         eye = view_vectors(camera, store.origin)[0]
         shading = Shading(store, film, eye, capacities)
-        bands = -(-camera.resolution[1] // film.held)
+        bands = capacities.bands(camera.resolution[1])
         try:
             for band in range(1, bands + 1):
                 rays = EyeRays(store, camera, samples, *film.elements())

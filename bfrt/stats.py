@@ -182,10 +182,11 @@ class Stats:
                 )
             )
         peak = f"peak memory {self.peak_rss_bytes / 2**20:.1f} MiB"
-        return "\n".join([_aligned(rows), "", _aligned(phases), "", peak])
+        return "\n".join([aligned(rows), "", aligned(phases), "", peak])
 
 
-def _aligned(rows: Sequence[tuple[str, ...]]) -> str:
+def aligned(rows: Sequence[tuple[str, ...]]) -> str:
+    """A table of rows of cells, in columns."""
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))

@@ -10,6 +10,7 @@ ROOT = Path(__file__).parent.parent / "bfrt"
 #: From the ground up; what stands in one line may import from it and from those before.
 LAYERS = [
     {"errors", "records", "stats", "workers"},
+    {"planned"},
     {"geometry"},
     {"streams"},
     {"image"},
@@ -19,7 +20,7 @@ LAYERS = [
     {"scheduler", "reference"},
     {"formats"},
     {"rendering"},
-    {"queries"},
+    {"queries", "planning"},
     {"scene_file"},
     {"conversion"},
     {"__init__", "cli", "__main__"},

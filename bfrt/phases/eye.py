@@ -14,6 +14,12 @@ from bfrt.scene.model import Camera, cross
 from bfrt.scene.store import Store
 
 
+def count_eye_rays(width: int, height: int, samples: int) -> int:
+    """Eye rays of a whole view, of so many samples a pixel; 0 is SPD's procedure."""
+    corners = samples == 0
+    return (width + corners) * (height + corners) * max(1, samples)
+
+
 class EyeRays:
     """Eye rays of a view, in the order of pixels and samples.
 
@@ -42,11 +48,10 @@ class EyeRays:
         empty = store.bounds.empty
         bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
         self._bounds = bounds
-        corners = samples == 0
-        elements = (self._width + corners) * (self._height + corners)
         each = max(1, samples)
         self._taken = first * each
-        self._total = (elements if last is None else last) * each
+        whole = count_eye_rays(self._width, self._height, samples)
+        self._total = whole if last is None else last * each
 
     def __len__(self) -> int:
         return self._total - self._taken

@@ -26,7 +26,6 @@ from bfrt.phases.subspace import Subspace
 from bfrt.scene.marks import (
     BRICK,
     BRICK_BYTES,
-    Layout,
     Marks,
     MarksWriter,
     Shape,
@@ -93,12 +92,11 @@ def preprocess(
     reused : bool
     """
     path = marks_path(store, objects.group, scratch)
-    layout = Layout(partition.shape, partition.axis)
-    found = None if fresh else open_marks(path, store, layout)
+    found = None if fresh else open_marks(path, store, partition.layout)
     if found is not None:
         return found, True
     marking = Marking(objects, selections, lattice, scratch, counters)
-    with writing_marks(path, store, layout) as writer:
+    with writing_marks(path, store, partition.layout) as writer:
         marking.mark_all(subspace, writer)
     counters.phases.preprocess.bytes_written += writer.bytes
     return writer.marks, False

@@ -1,0 +1,251 @@
+"""A plan as it is told: `bfrt.plan`'s answer, its assumptions, and its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from bfrt.stats import aligned
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """What estimates are made of.
+
+    Counts are fits to the counters of rings 36 and 94, balls 6, mount 10, tree 17, teapot 124 and
+    gears 18, at 128 and 256 MiB; seconds to docs/performance.rst: two cores of an EPYC at 2.4 GHz,
+    files in the page cache.
+
+    Attributes
+    ----------
+    hits, facing : float
+        Of the rays that are no shadow rays, those that hit; of the lights, those that a hit faces.
+    onward : tuple of 3 float
+        Rays that go on from a hit, where none may, a reflected one, and a refracted one too.
+    passes, passes_full : float
+        Passes of a round of the depth loop whose rays are few; more for each time that they fill
+        memory.
+    passes_off : float
+        Passes may be so many times as many, for the upper bound of what is read.
+    candidates : float
+        Candidates of a ray in a pass, where memory holds more.
+    hit_bytes : float
+        Read for a hit that is shaded, gaps that are read through included.
+    slab_reads : float
+        Readings of each slab in a pass, where there are several.
+    read_rate : float
+        Bytes a second.
+    mark_rate, ray_rate, test_rate : float
+        Objects marked, rays taken through all phases and boxes tested, a second and thread.
+    tests : float
+        Boxes tested a ray.
+    """
+
+    hits: float = 0.8
+    facing: float = 0.7
+    onward: tuple[float, float, float] = (0.0, 0.65, 0.95)
+    passes: float = 3.0
+    passes_full: float = 1.2
+    passes_off: float = 3.0
+    candidates: float = 16.0
+    hit_bytes: float = 500.0
+    slab_reads: float = 1.3
+    read_rate: float = 1e9
+    mark_rate: float = 8e6
+    ray_rate: float = 6e5
+    test_rate: float = 4e7
+    tests: float = 30.0
+
+
+ASSUMED = Assumptions()
+
+
+@dataclass(frozen=True)
+class GridPlan:
+    """A group's grid.
+
+    Attributes
+    ----------
+    voxels : tuple of 3 int
+        An axis.
+    lower : int
+        Voxels a side of an upper voxel; 1 for a grid of one level.
+    blocks : int
+        Lower-level blocks; 0 for a grid of one level.
+    subspaces : int
+        Of the preprocess, each a pass, where it is needed.
+    slabs : int
+        Exactly, where `slabs_known`, else at the most: empty bricks take no room.
+    slabs_known, marks_there : bool
+    marks_bytes : int
+        Of the file; at the most, where it is not there.
+    """
+
+    voxels: tuple[int, int, int]
+    lower: int
+    blocks: int
+    subspaces: int
+    slabs: int
+    slabs_known: bool
+    marks_there: bool
+    marks_bytes: int
+
+
+@dataclass(frozen=True)
+class RayPlan:
+    """Rays to be traced: eye rays exactly; an estimate of all others, and how many may be."""
+
+    eye: int
+    others: int
+    others_most: int
+
+
+@dataclass(frozen=True)
+class PhasePlan:
+    """Passes, bytes read and seconds.
+
+    Those of the preprocess are its passes exactly; the rest are estimates. Bytes are between
+    `bytes_least` and `bytes_most`, if any ray comes near an object.
+    """
+
+    passes: int
+    bytes_least: int
+    bytes_read: int
+    bytes_most: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class DiskPlan:
+    """Bytes on disk at the most: marks to be made, a frame that memory has no room for, and
+    spools at the time when they are largest."""
+
+    marks: int
+    frame: int
+    spools: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a render would take.
+
+    Attributes
+    ----------
+    objects, scene_bytes : int
+    settings : dict
+        As in `Stats`, and the resolution, the samples, 0 for SPD's procedure, and the AOVs.
+    rays_in_flight, candidates, hits, queue : int
+        What the budget holds, of each.
+    frame_on_disk : bool
+    bands : int
+        Bands of rows in which the frame is rendered.
+    grids : tuple of GridPlan
+        A group each.
+    marks_reused : bool
+        Whether all marks are there.
+    rays : RayPlan
+    preprocess, tracing : PhasePlan
+    spool_bytes : int
+        Bytes to be spooled at the most.
+    disk : DiskPlan
+    assumptions : Assumptions
+    """
+
+    objects: int
+    scene_bytes: int
+    settings: dict[str, Any]
+    rays_in_flight: int
+    candidates: int
+    hits: int
+    queue: int
+    frame_on_disk: bool
+    bands: int
+    grids: tuple[GridPlan, ...]
+    marks_reused: bool
+    rays: RayPlan
+    preprocess: PhasePlan
+    tracing: PhasePlan
+    spool_bytes: int
+    disk: DiskPlan
+    assumptions: Assumptions = ASSUMED
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it, ready for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """Tables for people: amounts, grids, phases."""
+        tables = (_amounts(self), _grids(self), _phases(self))
+        return "\n\n".join([*map(aligned, tables), _assumed(self)])
+
+
+Rows = Sequence[tuple[str, ...]]
+
+
+def _amounts(plan: Plan) -> Rows:
+    s = plan.settings
+    samples = f"{s['samples']} samples" if s["samples"] else "a ray each corner"
+    image = "on disk" if plan.frame_on_disk else "in memory"
+    return [
+        ("what", "amount", "note"),
+        ("objects", f"{plan.objects:,}", f"{_mb(plan.scene_bytes)} MB"),
+        ("memory MiB", f"{s['memory'] / 2**20:,.1f}", f"{s['threads']} threads, {s['refine']}"),
+        ("rays in flight", f"{plan.rays_in_flight:,}", "exact"),
+        ("candidates", f"{plan.candidates:,}", "exact"),
+        ("hits in memory", f"{plan.hits:,}", "exact"),
+        ("queued in memory", f"{plan.queue:,}", "exact"),
+        ("pixels", "{} x {}".format(*s["resolution"]), f"{samples}, depth {s['depth']}"),
+        ("bands of rows", f"{plan.bands:,}", f"image {image}"),
+        ("eye rays", f"{plan.rays.eye:,}", "exact"),
+        ("other rays", f"{plan.rays.others:,}", "estimate"),
+        ("", f"{plan.rays.others_most:,}", "at most"),
+        ("MB to spool", _mb(plan.spool_bytes), "at most"),
+        ("MB on disk", _mb(plan.disk.marks), "at most, marks to be made"),
+        ("", _mb(plan.disk.frame), "exact, image"),
+        ("", _mb(plan.disk.spools), "at most, spools"),
+    ]  # fmt: skip
+
+
+def _grids(plan: Plan) -> Rows:
+    head = ("grid", "voxels", "lower", "blocks", "subspaces", "slabs", "marks", "MB of marks")
+    return [head] + [
+        (
+            str(number),
+            "{} x {} x {}".format(*grid.voxels),
+            str(grid.lower),
+            f"{grid.blocks:,}",
+            f"{grid.subspaces:,}",
+            f"{'' if grid.slabs_known else '<= '}{grid.slabs}",
+            "there" if grid.marks_there else "to make",
+            f"{'' if grid.marks_there else '<= '}{_mb(grid.marks_bytes)}",
+        )
+        for number, grid in enumerate(plan.grids)
+    ]
+
+
+def _phases(plan: Plan) -> Rows:
+    return [("phase", "passes", "MB read", "at least", "at most", "seconds")] + [
+        (
+            name,
+            f"{phase.passes:,}",
+            _mb(phase.bytes_read),
+            _mb(phase.bytes_least),
+            _mb(phase.bytes_most),
+            f"{phase.seconds:.2f}",
+        )
+        for name, phase in (("preprocess", plan.preprocess), ("tracing", plan.tracing))
+    ]
+
+
+def _assumed(plan: Plan) -> str:
+    a = plan.assumptions
+    return (
+        f"estimates assume {a.read_rate / 1e6:,.0f} MB/s; a thread's {a.mark_rate:,.0f} objects "
+        f"marked,\n{a.ray_rate:,.0f} rays and {a.test_rate:,.0f} box tests a second; "
+        f"{a.tests:.0f} box tests a ray"
+    )
+
+
+def _mb(amount: float) -> str:
+    return f"{amount / 1e6:,.1f}"

@@ -1,0 +1,380 @@
+"""``bfrt.plan``: what a render would take, told before any work.
+
+Read are the header of the store, its palette and the tables of its marks; of objects nothing. What
+a budget decides comes from the code that decides it in a render, and is exact. How many rays go on,
+how many passes they need and how much a pass reads depend on what they meet: these are estimates,
+from `ASSUMED`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bfrt.budget import Capacities, extra_bytes, image_bytes
+from bfrt.phases.eye import count_eye_rays
+from bfrt.phases.partition import partition_of, subspaces
+from bfrt.phases.preprocess import lattice_of
+from bfrt.phases.slabs import Slabs, cuts_of
+from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan
+from bfrt.records import HIT_BYTES, QUEUED_BYTES, Kind
+from bfrt.rendering import (
+    DEPTH,
+    REFINEMENTS,
+    aovs_of,
+    at_least_one,
+    plan_of,
+    samples_of,
+    scratch_folder,
+    seen,
+)
+from bfrt.scene.marks import BRICK_BYTES, marks_path, open_marks
+from bfrt.scene.model import Camera
+from bfrt.scene.store import Group, Store, open_store
+
+
+def plan(
+    scene: Store | str | os.PathLike[str],
+    *,
+    memory: str | int | None = None,
+    threads: int | None = None,
+    camera: Camera | None = None,
+    resolution: tuple[int, int] | None = None,
+    samples: int | None = None,
+    depth: int = DEPTH,
+    aovs: Sequence[str] = (),
+    refine: str = REFINEMENTS[-1],
+    fresh_marks: bool = False,
+    grid: int | None = None,
+    max_grid: int | None = None,
+    scratch: str | os.PathLike[str] | None = None,
+) -> Plan:
+    """Tell what a render would take, before any work: no object is read.
+
+    Parameters
+    ----------
+    scene, memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
+        As for `render`.
+    resolution : tuple of 2 int, optional
+        Width and height in pixels, instead of the camera's.
+
+    Returns
+    -------
+    Plan
+        ``print`` shows it as tables; `Plan.as_dict` is for JSON.
+
+    Raises
+    ------
+    StoreError, BudgetError, SettingError
+        As `render`.
+    """
+    store = scene if isinstance(scene, Store) else open_store(scene)
+    store, view, _ = seen(store, camera)
+    if resolution is not None:
+        view = replace(view, resolution=resolution)
+    given, kept = samples_of(samples), aovs_of(aovs)
+    held, stats = plan_of(
+        store, *view.resolution, given, kept,
+        memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
+    )  # fmt: skip
+    settings = {
+        **stats.settings,
+        "depth": at_least_one("depth", depth),
+        "resolution": list(view.resolution),
+        "samples": given,
+        "aovs": list(kept),
+    }
+    folder = scratch_folder(scratch, store.path)
+    grids = tuple(_grid_plan(store, group, held, fresh_marks, folder) for group in store.groups)
+    return _Planner(store, held, grids, settings).plan()
+
+
+def _grid_plan(
+    store: Store, group: Group, held: Capacities, fresh: bool, scratch: Path
+) -> GridPlan:
+    cut = partition_of(group, held.limits)
+    layered = lattice_of(store, group, cut.shape, cut.axis).layered
+    marks = None if fresh else open_marks(marks_path(store, group, scratch), store, cut.layout)
+    if marks is None:
+        layers, *rest = cut.layout.bricks
+        most = np.full(layers, math.prod(rest), np.int64)
+        slabs = len(cuts_of(most, held.limits.slab // BRICK_BYTES)) - 1
+        bricks = cut.bricks
+    else:
+        marks.close()
+        slabs = len(Slabs.cuts(marks, held.limits.slab)) - 1
+        bricks = int(marks.first[-1])
+    return GridPlan(
+        voxels=cut.shape,
+        lower=1 << cut.lower_bits,
+        blocks=held.blocks if cut.lower_bits else 0,
+        subspaces=sum(1 for _ in subspaces(layered, held.subspace)),
+        slabs=slabs,
+        slabs_known=marks is not None or slabs == 1,
+        marks_there=marks is not None,
+        marks_bytes=cut.layout.data_at + bricks * BRICK_BYTES,
+    )
+
+
+class Wave(NamedTuple):
+    """Rays of one round of the depth loop; of those that are no shadow rays, how many hit."""
+
+    paths: float
+    shadows: float
+    hits: float
+
+    @property
+    def rays(self) -> float:
+        return self.paths + self.shadows
+
+
+def waves(eye: int, depth: int, *, hits: float, onward: float, shadows: float) -> list[Wave]:
+    """The rounds that eye rays begin, where so many rays go on, and shadow rays, from a hit."""
+    made = [Wave(eye, 0.0, eye * hits)]
+    for number in range(1, depth + 1):
+        before = made[-1].hits
+        paths = before * onward if number < depth else 0.0
+        made.append(Wave(paths, before * shadows, paths * hits))
+    return [wave for wave in made if wave.rays]
+
+
+def onward_rays(store: Store) -> int:
+    """Rays that may go on from a hit: none, a reflected one, a refracted one too."""
+    palette = store.materials()
+    if (palette["transmittance"] > 0).any():
+        return 2
+    return int((palette["ks"] > 0).any())
+
+
+class Swept(NamedTuple):
+    """Bytes of a group by when they are read.
+
+    Attributes
+    ----------
+    top : int
+        Of the hierarchy's last levels, which every pass reads.
+    levels : int
+        Of all levels.
+    boxes : int
+        Of what tells where objects are: boxes, spheres, ends of polygons.
+    shapes : int
+        Of all other geometry.
+    materials : int
+    """
+
+    top: int
+    levels: int
+    boxes: int
+    shapes: int
+    materials: int
+
+    @property
+    def all(self) -> int:
+        return self.levels + self.boxes + self.shapes
+
+
+def swept_of(group: Group, refine: str) -> Swept:
+    """What the sweeps over a group read; levels with ``sgb`` only."""
+    top = levels = boxes = shapes = materials = 0
+    for stream in group.streams:
+        sizes = {name: facts.bytes for name, facts in stream.files.items()}
+        geometry = sizes["geometry"]
+        boxes += sizes.get("boxes", geometry) + sizes.get("offsets", 0)
+        shapes += 0 if stream.kind == Kind.SPHERE else geometry
+        materials += sizes.get("materials", 0)
+        if refine == "sgb" and stream.levels:
+            own = [sizes[f"level{number}"] for number in range(1, len(stream.levels) + 1)]
+            top += own[-1]
+            levels += sum(own)
+    return Swept(top, levels, boxes, shapes, materials)
+
+
+class _Planner:
+    """One plan as it is worked out: of one band of rows, times the bands."""
+
+    def __init__(
+        self,
+        store: Store,
+        held: Capacities,
+        grids: tuple[GridPlan, ...],
+        settings: dict[str, Any],
+    ) -> None:
+        self._store = store
+        self._held = held
+        self._grids = grids
+        self._settings = settings
+        self._refine = settings["refine"]
+        self._swept = [swept_of(group, self._refine) for group in store.groups]
+        width, height = settings["resolution"]
+        samples, depth = settings["samples"], settings["depth"]
+        self._bands = held.bands(height)
+        self._eye = count_eye_rays(width, height, samples)
+        # The first band is the largest, by the corners that it does not share.
+        band = count_eye_rays(width, min(held.rows, height), samples)
+        onward, lights = onward_rays(store), len(store.lights)
+        a = ASSUMED
+        self._likely = waves(
+            band, depth, hits=a.hits, onward=a.onward[onward], shadows=a.facing * lights
+        )
+        self._most = waves(band, depth, hits=1.0, onward=onward, shadows=lights)
+
+    def plan(self) -> Plan:
+        """All of it."""
+        held = self._held
+        width, height = self._settings["resolution"]
+        extra = extra_bytes(self._settings["aovs"])
+        return Plan(
+            objects=self._store.objects,
+            scene_bytes=self._store.bytes,
+            settings=self._settings,
+            rays_in_flight=held.rays,
+            candidates=held.candidates,
+            hits=held.hits,
+            queue=held.queue,
+            frame_on_disk=held.frame_on_disk,
+            bands=self._bands,
+            grids=self._grids,
+            marks_reused=all(grid.marks_there for grid in self._grids),
+            rays=self._rays(),
+            preprocess=self._preprocess(),
+            tracing=self._tracing(),
+            spool_bytes=self._bands * self._spooled(self._most),
+            disk=DiskPlan(
+                marks=sum(g.marks_bytes * _copies(g) for g in self._grids if not g.marks_there),
+                frame=image_bytes(width, height, extra) if held.frame_on_disk else 0,
+                spools=self._spools_at_once(),
+            ),
+        )
+
+    def _rays(self) -> RayPlan:
+        return RayPlan(
+            eye=self._eye,
+            others=self._others(self._likely),
+            others_most=self._others(self._most),
+        )
+
+    def _others(self, rounds: Sequence[Wave]) -> int:
+        return int(self._bands * (sum(wave.rays for wave in rounds) - rounds[0].paths))
+
+    def _preprocess(self) -> PhasePlan:
+        """One pass over a group for each subspace; with the hierarchy it leaves out the others'."""
+        passes = objects = least = most = 0
+        for group, grid, swept in zip(self._store.groups, self._grids, self._swept, strict=True):
+            if grid.marks_there:
+                continue
+            n = grid.subspaces
+            passes += n
+            whole = swept.boxes + (swept.shapes if self._refine == "base" else 0)
+            levels = swept.levels * n if n > 1 else 0
+            near = 1 if self._refine == "sgb" else n
+            objects += group.gridded * near
+            least += whole * near + levels
+            most += whole * n + levels + grid.marks_bytes * (_copies(grid) - 1)
+        reading = least / ASSUMED.read_rate
+        marking = objects / (ASSUMED.mark_rate * self._held.threads)
+        return PhasePlan(passes, least, least, most, reading + marking)
+
+    def _tracing(self) -> PhasePlan:
+        shading = self._shading_passes(self._likely)
+        read, most = self._shaded_bytes()
+        passes = self._bands * shading * len(self._grids)
+        for grid, swept in zip(self._grids, self._swept, strict=True):
+            own = [self._bands * self._passes(wave) for wave in self._likely]
+            passes += round(sum(own))
+            read += sum(
+                n * self._pass_bytes(wave, grid, swept)
+                for n, wave in zip(own, self._likely, strict=True)
+            )
+            most += sum(own) * ASSUMED.passes_off * swept.all
+            read += self._slab_bytes(grid, sum(own) * ASSUMED.slab_reads)
+            # Rays walk twice in a pass, and a walk reads a slab twice at the most.
+            most += self._slab_bytes(grid, sum(own) * ASSUMED.passes_off * 4)
+        least = min(self._least_bytes(swept) for swept in self._swept)
+        rays = self._eye + self._others(self._likely)
+        each = 1 / ASSUMED.ray_rate + ASSUMED.tests / ASSUMED.test_rate
+        seconds = read / ASSUMED.read_rate + rays * each / self._held.threads
+        return PhasePlan(passes, least, max(least, int(read)), int(most), seconds)
+
+    def _passes(self, wave: Wave) -> float:
+        """Passes of one group over its objects."""
+        return ASSUMED.passes + ASSUMED.passes_full * wave.rays / self._held.rays
+
+    def _pass_bytes(self, wave: Wave, grid: GridPlan, swept: Swept) -> float:
+        """Read in one pass: of what is near rays, and what lies between.
+
+        That is more than the part of the voxels that are candidates, for parents are larger than
+        voxels, and short gaps are read through: its root fits, to a billion objects.
+        """
+        if self._refine == "base":
+            return swept.all
+        stored = min(self._held.candidates, ASSUMED.candidates * wave.rays)
+        near = min(1.0, math.sqrt(stored / math.prod(grid.voxels)))
+        if self._refine == "sg":
+            return swept.boxes + near * swept.shapes
+        return swept.top + near * (swept.all - swept.top)
+
+    def _least_bytes(self, swept: Swept) -> int:
+        """Read in one pass at the least."""
+        return {"base": swept.all, "sg": swept.boxes, "sgb": swept.top}[self._refine]
+
+    def _slab_bytes(self, grid: GridPlan, readings: float) -> float:
+        """Read of the marks: once as rays enter a grid, or slab by slab, so many times."""
+        if grid.slabs > 1:
+            return grid.marks_bytes * readings
+        entered = 1 if len(self._grids) == 1 else self._bands * len(self._likely)
+        return grid.marks_bytes * entered
+
+    def _shading_passes(self, rounds: Sequence[Wave]) -> int:
+        """Times that hits fill memory, in a band."""
+        return sum(math.ceil(wave.hits / max(1, self._held.hits)) for wave in rounds)
+
+    def _shaded_bytes(self) -> tuple[float, float]:
+        """Read in the shading, spools included: an estimate, and the most."""
+        whole = sum(swept.all + swept.materials for swept in self._swept)
+        read = self._shading_passes(self._likely) * whole
+        if self._refine != "base":
+            hits = sum(wave.hits for wave in self._likely)
+            read = min(read, int(hits * ASSUMED.hit_bytes))
+        most = self._shading_passes(self._most) * whole
+        return (
+            self._bands * float(read + self._spooled(self._likely)),
+            self._bands * float(most + self._spooled(self._most)),
+        )
+
+    def _spooled(self, rounds: Sequence[Wave]) -> int:
+        """Bytes that a band's rounds write to spools."""
+        return sum(
+            self._hit_bytes(wave.hits)
+            + self._queue_bytes(wave.rays if number else 0)  # eye rays are made as they are taken
+            + (len(self._grids) - 1) * self._hit_bytes(wave.rays)
+            for number, wave in enumerate(rounds)
+        )
+
+    def _spools_at_once(self) -> int:
+        """Bytes of a round's hits, of its rays, and of the next one's; of rays between groups."""
+        queued = [0, *(self._queue_bytes(wave.rays) for wave in self._most[1:]), 0]
+        between = min(2, len(self._grids) - 1)
+        return max(
+            self._hit_bytes(wave.hits)
+            + between * self._hit_bytes(wave.rays)
+            + queued[number]
+            + queued[number + 1]
+            for number, wave in enumerate(self._most)
+        )
+
+    def _hit_bytes(self, records: float) -> int:
+        return max(0, math.ceil(records) - self._held.hits) * HIT_BYTES
+
+    def _queue_bytes(self, records: float) -> int:
+        return max(0, math.ceil(records) - self._held.queue) * QUEUED_BYTES
+
+
+def _copies(grid: GridPlan) -> int:
+    """Of marks on disk while they are made: subspaces are spooled until they are merged."""
+    return 2 if grid.subspaces > 1 else 1
