@@ -166,6 +166,9 @@ class Swept(NamedTuple):
     shapes : int
         Of all other geometry.
     materials : int
+    ends : int
+        Of the ends of polygons, which are among the boxes: a thread that begins with a polygon
+        reads once more where the one before it ends.
     """
 
     top: int
@@ -173,6 +176,7 @@ class Swept(NamedTuple):
     boxes: int
     shapes: int
     materials: int
+    ends: int
 
     @property
     def all(self) -> int:
@@ -181,10 +185,11 @@ class Swept(NamedTuple):
 
 def swept_of(group: Group, refine: str) -> Swept:
     """What the sweeps over a group read; levels with ``sgb`` only."""
-    top = levels = boxes = shapes = materials = 0
+    top = levels = boxes = shapes = materials = ends = 0
     for stream in group.streams:
         sizes = {name: facts.bytes for name, facts in stream.files.items()}
         geometry = sizes["geometry"]
+        ends += sizes.get("offsets", 0)
         boxes += sizes.get("boxes", geometry) + sizes.get("offsets", 0)
         shapes += 0 if stream.kind == Kind.SPHERE else geometry
         materials += sizes.get("materials", 0)
@@ -192,7 +197,7 @@ def swept_of(group: Group, refine: str) -> Swept:
             own = [sizes[f"level{number}"] for number in range(1, len(stream.levels) + 1)]
             top += own[-1]
             levels += sum(own)
-    return Swept(top, levels, boxes, shapes, materials)
+    return Swept(top, levels, boxes, shapes, materials, ends)
 
 
 class _Planner:
@@ -275,7 +280,7 @@ class _Planner:
             near = 1 if self._refine == "sgb" else n
             objects += group.gridded * near
             least += whole * near + levels
-            most += whole * n + levels + grid.marks_bytes * (_copies(grid) - 1)
+            most += (whole + swept.ends) * n + levels + grid.marks_bytes * (_copies(grid) - 1)
         reading = least / ASSUMED.read_rate
         marking = objects / (ASSUMED.mark_rate * self._held.threads)
         return PhasePlan(passes, least, least, most, reading + marking)
@@ -291,7 +296,7 @@ class _Planner:
                 n * self._pass_bytes(wave, grid, swept)
                 for n, wave in zip(own, self._likely, strict=True)
             )
-            most += sum(own) * ASSUMED.passes_off * swept.all
+            most += sum(own) * ASSUMED.passes_off * (swept.all + swept.ends)
             read += self._slab_bytes(grid, sum(own) * ASSUMED.slab_reads)
             # Rays walk twice in a pass, and a walk reads a slab twice at the most.
             most += self._slab_bytes(grid, sum(own) * ASSUMED.passes_off * 4)
@@ -336,7 +341,7 @@ class _Planner:
 
     def _shaded_bytes(self) -> tuple[float, float]:
         """Read in the shading, spools included: an estimate, and the most."""
-        whole = sum(swept.all + swept.materials for swept in self._swept)
+        whole = sum(swept.all + swept.ends + swept.materials for swept in self._swept)
         read = self._shading_passes(self._likely) * whole
         if self._refine != "base":
             hits = sum(wave.hits for wave in self._likely)

@@ -207,6 +207,10 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
         (["render", "scene.xyz", "-o", "x.png"], 2, "found suffix '.xyz'"),
         (["render", "no.bfrt", "-o", "x.png"], 1, "not a scene store"),
         (["render", "spd:rongs:3", "-o", "x.png"], 2, "rongs"),
+        (["render", "scene.nff"], 2, "nothing to write: expected -o FILE, or --plan"),
+        (["render", "scene.nff", "--plan"], 2, "scene.nff: found no scene store to plan for"),
+        (["render", "spd:rings:3", "--plan"], 2, "spd:rings:3: found no scene store"),
+        (["render", "no.bfrt", "--plan"], 1, "not a scene store"),
         (["spd", "rings", "0", "-o", "x.bfrt"], 2, "expected 1 or more"),
         (["spd", "rings", "3"], 2, "expected -o"),
         (["convert", "no.nff", "-o", "x.bfrt"], 1, "no.nff"),
@@ -220,6 +224,25 @@ def test_wrong_use_says_why(nff, arguments, status, words):
     assert re.search(words, done.stderr), done.stderr
     assert "Traceback" not in done.stderr
     assert names(nff.parent) == ["scene.nff"]
+
+
+def test_a_plan_is_printed_and_nothing_written(nff, tmp_path, capsys):
+    store = tmp_path / "scene.bfrt"
+    bfrt.convert(nff, store)
+    before = sorted(path for path in tmp_path.rglob("*"))
+    asked = ["render", str(store), "--plan", "--memory", "128MiB", "--threads", "2"]
+    shape = ["--resolution", "40", "30", "--samples", "2", "--depth", "3", "--grid", "4"]
+    shown = ["--refine", "sg", "--max-grid", "9", "--scratch", str(tmp_path), "--fresh-marks"]
+    assert main([*asked, *shape, *shown]) == 0
+    planned = bfrt.plan(
+        store, memory="128MiB", threads=2, resolution=(40, 30), samples=2, depth=3, grid=4,
+        refine="sg", max_grid=9, scratch=tmp_path, fresh_marks=True,
+    )  # fmt: skip
+    assert capsys.readouterr().out == f"{planned}\n"
+    assert main([*asked, "-o", str(tmp_path / "x.png"), "--stats", str(tmp_path / "x.json")]) == 0
+    assert sorted(path for path in tmp_path.rglob("*")) == before
+    assert main(["render", str(store), "--plan", "--memory", "9MiB"]) == 2
+    assert re.search(r"found 9MiB, expected \d+MiB or more", capsys.readouterr().err)
 
 
 def test_degenerate_objects_give_one_warning(tmp_path):
