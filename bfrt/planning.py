@@ -59,10 +59,12 @@ def plan(
 
     Parameters
     ----------
-    scene, memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
-        As for `render`.
+    scene : Store or path-like
+        An open store, or where one is.
     resolution : tuple of 2 int, optional
         Width and height in pixels, instead of the camera's.
+    memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
+        As for `render`.
 
     Returns
     -------

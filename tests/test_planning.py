@@ -127,8 +127,9 @@ def test_a_frame_on_disk_and_its_bands(rings):
     assert planned.disk.frame == sum(channel.nbytes for channel in image.channels.values())
     exact(planned, image, bands)
     estimated(planned, image.stats)
-    samples = both(scene, samples=3, **settings)
-    exact(*samples)
+    planned, image, bands = both(scene, samples=3, aovs=["position", "albedo"], **settings)
+    assert planned.disk.frame == sum(channel.nbytes for channel in image.channels.values())
+    exact(planned, image, bands)
 
 
 def test_slabs_subspaces_and_two_levels(glass, monkeypatch):
@@ -201,6 +202,7 @@ def test_an_empty_scene_has_a_plan(tmp_path):
         {"samples": -1},
         {"depth": 0},
         {"refine": "best"},
+        {"aovs": ["Q"]},
         {"grid": 0},
         {"grid": 100_000},
         {"max_grid": 1.5},
@@ -216,11 +218,21 @@ def test_what_a_render_refuses_a_plan_refuses(glass, settings):
     assert refusals[0] == refusals[1]
 
 
-def test_a_view_is_needed_and_checked(glass, tmp_path):
+def test_a_scene_without_camera_and_lights_is_planned_as_it_is_framed_and_lit(tmp_path):
     with bfrt.SceneWriter(tmp_path / "cloud.bfrt") as writer:
-        writer.spheres([[0, 0, 0]], [1.0])
-    with pytest.raises(bfrt.SettingError, match="has no camera"):
-        bfrt.plan(tmp_path / "cloud.bfrt")
+        writer.spheres([[0, 0, 0], [1, 1, 1]], [1.0, 0.5])
+    scene = bfrt.open(tmp_path / "cloud.bfrt")
+    planned, image, bands = both(scene, memory="128MiB", threads=2)
+    exact(planned, image, bands)
+    assert planned.rays.others_most == 2 * planned.rays.eye  # the two lights that are added
+    assert 0 < image.stats.total.rays.shadow <= planned.rays.others_most
+
+
+def test_a_view_is_checked(glass, tmp_path):
+    with bfrt.SceneWriter(tmp_path / "empty.bfrt") as writer:
+        writer.light(bfrt.Light((0, 0, 1)))
+    with pytest.raises(bfrt.SettingError, match="found no camera"):
+        bfrt.plan(tmp_path / "empty.bfrt")
     with pytest.raises(bfrt.SceneError, match="found resolution"):
         bfrt.plan(glass, resolution=(0, 10))
 
