@@ -270,22 +270,27 @@ class _Planner:
         return int(self._bands * (sum(wave.rays for wave in rounds) - rounds[0].paths))
 
     def _preprocess(self) -> PhasePlan:
-        """One pass over a group for each subspace; with the hierarchy it leaves out the others'."""
-        passes = objects = least = most = 0
+        """One pass over a group for each subspace.
+
+        With the hierarchy it leaves out what lies in others, and at best boxes above that too. A
+        single one takes no hierarchy.
+        """
+        passes = objects = least = read = most = 0
         for group, grid, swept in zip(self._store.groups, self._grids, self._swept, strict=True):
             if grid.marks_there:
                 continue
             n = grid.subspaces
             passes += n
             whole = swept.boxes + (swept.shapes if self._refine == "base" else 0)
-            levels = swept.levels * n if n > 1 else 0
+            top, levels = (swept.top, swept.levels) if n > 1 else (0, 0)
             near = 1 if self._refine == "sgb" else n
             objects += group.gridded * near
-            least += whole * near + levels
-            most += (whole + swept.ends) * n + levels + grid.marks_bytes * (_copies(grid) - 1)
-        reading = least / ASSUMED.read_rate
+            least += whole * near + levels + top * (n - 1)
+            read += whole * near + levels * n
+            most += (whole + swept.ends + levels) * n + grid.marks_bytes * (_copies(grid) - 1)
+        reading = read / ASSUMED.read_rate
         marking = objects / (ASSUMED.mark_rate * self._held.threads)
-        return PhasePlan(passes, least, least, most, reading + marking)
+        return PhasePlan(passes, least, read, most, reading + marking)
 
     def _tracing(self) -> PhasePlan:
         shading = self._shading_passes(self._likely)
