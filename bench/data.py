@@ -31,14 +31,18 @@ def particles(count: int, path: Path) -> None:
         positions = group.create_dataset("Coordinates", (count, 3), "f4")
         densities = group.create_dataset("Density", (count,), "f4")
         radii = group.create_dataset("SmoothingLength", (count,), "f4")
-        nodes = random.uniform(0, BOX, (40, 3))
+        nodes = random.uniform(0, BOX, (60, 3))
+        apart = np.linalg.norm(nodes[:, None] - nodes, axis=2)
+        near = np.argsort(apart, axis=1)[:, 1:4]  # lines go to the three nearest
         for first in range(0, count, BLOCK):
             n = min(BLOCK, count - first)
             clusters = -(-n // CLUSTER)
-            a, b = nodes[random.integers(0, len(nodes), (2, clusters))]
-            center = a + (b - a) * random.beta(0.4, 0.4, (clusters, 1))
-            center += random.normal(0, BOX / 80, (clusters, 3))
-            size = (random.pareto(2.5, clusters) + 0.3) * BOX / 100
+            a = random.integers(0, len(nodes), clusters)
+            b = near[a, random.integers(0, 3, clusters)]
+            along = random.beta(0.5, 0.5, (clusters, 1))
+            center = nodes[a] + (nodes[b] - nodes[a]) * along
+            center += random.normal(0, BOX / 150, (clusters, 3))
+            size = (random.pareto(2.0, clusters) + 0.2) * BOX / 160
             of = np.sort(random.integers(0, clusters, n))
             way = random.normal(size=(n, 3))
             far = random.uniform(0.05, 1.0, n) ** 2
