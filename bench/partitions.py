@@ -4,6 +4,7 @@
 
     python bench/partitions.py levels   --scenes rings:94 tree:21   the cost of two levels
     python bench/partitions.py growth   --scenes rings:7,20,36,94   free and limited resolution
+    python bench/partitions.py tracing  --scenes rings:36,94,368    seconds with marks there
     python bench/partitions.py stadium  --size 60                   one group, and two
 
 Each render runs inside a memory cgroup of 256 MiB with the store dropped from the page cache
@@ -109,6 +110,40 @@ def growth(scene: str, sizes: list[int], runs: int) -> None:
         print(f"{scene:7} {size:5} {objects:12,} {medians[0]:8.2f} {medians[1]:8.2f}", flush=True)
 
 
+def tracing(scene: str, sizes: list[int], runs: int, plot: Path | None) -> None:
+    """Seconds of tracing against objects, marks there, and the exponent of what grows so."""
+    counts, seconds = [], []
+    for size in sizes:
+        with tempfile.TemporaryDirectory() as name:
+            store = made(scene, size, Path(name))
+            counts.append(bfrt.open(store).objects)
+            rendered(store, Path(name))  # makes the marks
+            found = [rendered(store, Path(name))["seconds"] for _ in range(runs)]
+            seconds.append(float(np.median(found)))
+        print(f"{scene:7} {size:5} {counts[-1]:14,} {seconds[-1]:8.2f}", flush=True)
+    exponent = float(np.polyfit(np.log(counts), np.log(seconds), 1)[0])
+    print(f"seconds grow like objects to the power of {exponent:.2f}")
+    if plot is not None:
+        draw(scene, counts, seconds, exponent, plot)
+
+
+def draw(scene: str, counts: list[int], seconds: list[float], exponent: float, path: Path) -> None:
+    """Seconds against objects, both logarithmic, and the line through them."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    figure, axis = pyplot.subplots(figsize=(6.5, 4.5))
+    axis.loglog(counts, seconds, "o", label=scene)
+    line = np.exp(np.polyval(np.polyfit(np.log(counts), np.log(seconds), 1), np.log(counts)))
+    axis.loglog(counts, line, "-", linewidth=0.8, label=f"objects to the power of {exponent:.2f}")
+    axis.set(xlabel="objects", ylabel="seconds of tracing")
+    axis.legend()
+    figure.tight_layout()
+    figure.savefig(path)
+
+
 def stadium(size: int, runs: int) -> None:
     """A teapot in a hall 200 times its size, in one group and in two, 128 x 128 pixels."""
     scene = bfrt.spd.teapot(size)
@@ -136,18 +171,22 @@ def main() -> None:
         render_here(*sys.argv[2:])
         return
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=("levels", "growth", "stadium"))
+    parser.add_argument("what", choices=("levels", "growth", "tracing", "stadium"))
     parser.add_argument("--scenes", nargs="*", default=["rings:36"], help="as rings:36,94")
     parser.add_argument("--size", type=int, default=60, help="of the teapot")
     parser.add_argument("--runs", type=int, default=1)
+    parser.add_argument("--plot", type=Path, help="of tracing: a picture to draw")
     arguments = parser.parse_args()
     if arguments.what == "stadium":
         stadium(arguments.size, arguments.runs)
         return
     for wanted in arguments.scenes:
         scene, _, sizes = wanted.partition(":")
-        measure = levels if arguments.what == "levels" else growth
-        measure(scene, [int(size) for size in sizes.split(",")], arguments.runs)
+        given = scene, [int(size) for size in sizes.split(",")], arguments.runs
+        if arguments.what == "tracing":
+            tracing(*given, arguments.plot)
+        else:
+            (levels if arguments.what == "levels" else growth)(*given)
 
 
 if __name__ == "__main__":
