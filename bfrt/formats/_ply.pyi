@@ -17,6 +17,7 @@ class Fault(enum.IntEnum):
 class Rows:
     row: int
     fault: int
+    found: float
     def __init__(
         self,
         rows: int,

@@ -11,7 +11,7 @@ from libc.math cimport floor
 from libc.stdint cimport int8_t, int16_t, int32_t, int64_t, uint16_t, uint32_t
 from libc.string cimport memcpy
 
-from bfrt.formats.text cimport FOUND, Text, find_token, read_any_number
+from bfrt.formats.text cimport FOUND, Text, find_token, pass_blanks, read_any_number
 
 import numpy as np
 
@@ -101,10 +101,13 @@ cdef class Rows:
     ----------
     row : int
         That comes next, or is bad.
+    found : float
+        The count or index that is bad.
     """
 
     cdef readonly int64_t row
     cdef readonly int fault
+    cdef readonly double found
     cdef int64_t rows
     cdef int properties
     cdef int kinds[MOST]
@@ -146,6 +149,7 @@ cdef class Rows:
         self.swapped = layout == "big"
         self.strips = strips
         self.row = self.property = self.fault = 0
+        self.found = 0.0
         self.left = -1
         self.have = self.turn = 0
         self.text.line = line
@@ -204,6 +208,8 @@ cdef class Rows:
             self.text.at = self.text.token = <unsigned char *>&chunk[1]
             self.text.length = 0
             self.text.end = <unsigned char *>&chunk[size - 1]
+            if self.text.comment:
+                pass_blanks(&self.text)
         elif size:
             self.at, self.end = &chunk[0], &chunk[0] + size
         else:
@@ -264,6 +270,7 @@ cdef class Rows:
             status = self.next(self.counts[self.property], &x)
             if status != GOT:
                 return status
+            self.found = x
             if not 0 <= x < 1e15 or x != floor(x):
                 return self.fail(NEGATIVE_COUNT)
             if wanted and not self.strips and x > LONGEST:
@@ -276,6 +283,7 @@ cdef class Rows:
             if status != GOT:
                 return status
             if wanted:
+                self.found = x
                 if not -1e18 < x < 1e18 or x != floor(x):
                     return self.fail(NO_INDEX)
                 self.take(<int64_t>x)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bfrt.budget import BASELINE, format_memory
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats.colors import Painter
-from bfrt.formats.outlet import Outlet
+from bfrt.formats.outlet import Outlet, cast
 from bfrt.streams.spool import Spool
 
 #: Vertices of a queue that are looked up at once.
@@ -117,7 +117,7 @@ def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
             if values is None:
                 values = means(corners[:, 3:], faces.counts)
             materials = painter.paint(values)
-        positions = corners[:, :3].astype(mesh.coordinates, copy=False)
+        positions = cast(corners[:, :3], mesh.coordinates)
         outlet.faces(positions, faces.counts, materials)
 
 

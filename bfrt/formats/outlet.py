@@ -103,7 +103,7 @@ class Outlet:
         materials: NDArray[np.uint32] | None,
     ) -> None:
         """Add points (n, 3) as spheres of radii (n,)."""
-        records = np.hstack([centers, radii[:, None].astype(centers.dtype)])
+        records = np.hstack([centers, cast(radii[:, None], centers.dtype)])
         self._append(Kind.SPHERE, "point", records, materials)
 
     def triangles(self, records: NDArray[Any], materials: NDArray[np.uint32] | None) -> None:
@@ -188,6 +188,12 @@ class Outlet:
         """Say how many were dropped."""
         if self.dropped:
             log.warning("%s: %d objects that are not finite were dropped", self.name, self.dropped)
+
+
+def cast(numbers: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Numbers as another dtype; what is too large for it is infinite, and no warning's matter."""
+    with np.errstate(over="ignore"):
+        return numbers.astype(dtype, copy=False)
 
 
 def all_finite(numbers: NDArray[Any]) -> bool:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats._ply import MOST_CORNERS, MOST_PROPERTIES, Fault, Rows
 from bfrt.formats.mesh import Faces, write_mesh
-from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.outlet import Outlet, SceneSink, cast
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import RGB, Reading
 from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown
@@ -66,6 +66,13 @@ class Element(NamedTuple):
     rows: int
     properties: tuple[Property, ...]
 
+    def least_bytes(self, layout: str) -> int:
+        """Bytes that a row takes at the least: of a list its count, of text a digit and a blank."""
+        if layout == "text":
+            return 2 * len(self.properties)
+        kinds = [p.kind if p.counted < 0 else p.counted for p in self.properties]
+        return sum(int(CODES[kind][1]) for kind in kinds)
+
     @property
     def row_bytes(self) -> int | None:
         """Bytes of a row, where all have as many."""
@@ -97,6 +104,7 @@ class Ply:
         self.name = self.source.name
         try:
             self.layout, self.elements, first = read_header(self.source)
+            self._check_counts(first.offset)
         except BaseException:
             self.source.close()
             raise
@@ -119,11 +127,17 @@ class Ply:
                 self._places.append(Place(end, place.line))
         return self._places[number]
 
+    def _check_counts(self, start: int) -> None:
+        """Refuse counts that no such file has room for, before anything is made for them."""
+        for element in self.elements:
+            least = element.rows * element.least_bytes(self.layout)
+            self._check_size(element, start, start + max(least - 1, 0))  # no blank at the end
+
     def _check_size(self, element: Element, start: int, end: int) -> None:
         if end > self.source.size:
             raise SceneError(
                 f"{self.name}: byte {start}: found {max(self.source.size - start, 0)} bytes, "
-                f"expected {end - start} for {element.rows} rows of {element.name}: "
+                f"expected {end - start} or more for {element.rows} rows of {element.name}: "
                 "the file is truncated or its count is wrong"
             )
 
@@ -133,7 +147,7 @@ class Ply:
         dtype = dtype_of(element, names)
         if self.layout == "text" or element.row_bytes is None:
             for _, _, values in self._parsed(number, names, None, strips=False):
-                yield values.astype(dtype)
+                yield cast(values, dtype)
             return
         start = self._place(number).offset
         self._place(number + 1)  # all of it is there
@@ -161,13 +175,15 @@ class Ply:
     ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.uint32], NDArray[Any]]]:
         """An element's rows, taken apart one after the other; at the end the next one's place."""
         element, place = self.elements[number], self._place(number)
-        columns = {element.find(name): column for column, name in enumerate(names)}
+        once = list(dict.fromkeys(names))  # a property may be wanted twice, z as color too
+        places = [once.index(name) for name in names]
+        columns = {element.find(name): column for column, name in enumerate(once)}
         rows = Rows(
             element.rows,
             [p.kind for p in element.properties],
             [p.counted for p in element.properties],
-            [len(names) if p is wanted else columns.get(p, -1) for p in element.properties],
-            len(names),
+            [len(once) if p is wanted else columns.get(p, -1) for p in element.properties],
+            len(once),
             self.layout,
             strips,
             place.line,
@@ -181,7 +197,7 @@ class Ply:
                 raise self._fault(element, rows, at)
             at += used
             if len(corners) or len(counts):
-                yield corners, counts, values
+                yield corners, counts, values if once == list(names) else values[:, places]
             if rows.done:
                 break
             self._left = len(chunk) - used
@@ -220,12 +236,12 @@ class Ply:
     def _fault(self, element: Element, rows: Rows, at: int) -> SceneError:
         where = f"line {rows.line}: " if self.layout == "text" else ""
         row = f"row {rows.row} of {element.name}"
-        found = shown(rows.token) if self.layout == "text" else "another"
+        found = shown(rows.token) if self.layout == "text" else f"{rows.found:.15g}"
         told = {
             Fault.BAD_NUMBER: f"found {found} in {row}, expected a number",
             Fault.NEGATIVE_COUNT: f"found {found} in {row}, expected a list's count, 0 or more",
             Fault.NO_INDEX: f"found {found} in {row}, expected a vertex's whole number",
-            Fault.LONG_FACE: f"found more than {MOST_CORNERS} corners in {row}, expected fewer",
+            Fault.LONG_FACE: f"found {found} corners in {row}, expected {MOST_CORNERS} or fewer",
         }
         return SceneError(f"{self.name}: {where}{told[Fault(rows.fault)]}")
 
@@ -275,7 +291,7 @@ def read_header(source: Source) -> tuple[str, list[Element], Place]:
 
 
 def _element(words: list[str], before: list[Element], where: str) -> Element:
-    fits = len(words) == 3 and words[2].isascii() and words[2].isdigit()
+    fits = len(words) == 3 and words[2].isascii() and words[2].isdigit() and len(words[2]) < 20
     if not fits or int(words[2]) >= 1 << 48:
         raise SceneError(f"{where} element, a name, and a count of 0 to 2^48")
     if any(words[1] == other.name for other in before):
@@ -362,7 +378,7 @@ class PlyPoints:
         first = 3 + len(self._radius)
         for block in self.ply.columns(self._vertex, (*POSITION, *self._radius, *self._asked)):
             yield PointBlock(
-                block[:, :3].astype(dtype, copy=False),
+                cast(block[:, :3], dtype),
                 block[:, 3] if self._radius else None,
                 own(block[:, first:] / scale) if self._asked else None,
             )

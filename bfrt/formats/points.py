@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from numbers import Real
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -70,10 +71,10 @@ def write_points(points: Points, outlet: Outlet) -> None:
         painter = Painter(outlet.sink, reading, points.numbers(), points.name)
     for centers, radii, values in points.blocks():
         if radii is None:
-            if not isinstance(reading.radius, (int, float)):
+            if not isinstance(reading.radius, Real):
                 raise SettingError(
                     f"{points.name}: found points without a radius, expected radius="
                 )
-            radii = np.full(len(centers), reading.radius, centers.dtype)
+            radii = np.full(len(centers), float(reading.radius))
         materials = None if painter is None or values is None else painter.paint(values)
         outlet.spheres(centers, radii, materials)

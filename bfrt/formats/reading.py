@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
+from numbers import Real
 from pathlib import Path
 
 from bfrt.errors import SettingError
@@ -36,6 +38,11 @@ class Reading:
         Bytes that the whole process may take; a mesh that has more vertices is joined on disk.
     scratch : Path
         Folder for what does not fit.
+
+    Raises
+    ------
+    SettingError
+        For a radius or a range that is not finite, and a range whose ends are not in order.
     """
 
     radius: float | str | None = None
@@ -47,6 +54,21 @@ class Reading:
     triangulate: bool = False
     memory: int = 1 << 28
     scratch: Path = Path()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.radius, Real) and not math.isfinite(self.radius):
+            raise SettingError(f"radius: found {self.radius}, expected a finite number")
+        if self.color_range is None:
+            return
+        try:
+            lo, hi = map(float, self.color_range)
+        except (TypeError, ValueError):
+            lo = hi = math.nan
+        if not -math.inf < lo <= hi < math.inf:
+            raise SettingError(
+                f"color_range: found {self.color_range!r}, expected two finite numbers, "
+                "the lesser first"
+            )
 
     def refuse_all_but(self, name: str, *known: str) -> None:
         """Refuse the settings that a format has no use for.

@@ -1,0 +1,112 @@
+"""Files of meshes and points for tests: written simply, and read back from the store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import bfrt
+from bfrt.errors import BfrtError, SceneError
+from bfrt.records import Kind
+from bfrt.scene.store import Store
+
+#: A triangle and a square, with a vertex that nothing needs.
+VERTICES = np.array(
+    [[0, 0, 0], [1, 0, 0.25], [1, 1, 0.5], [0, 1, 0.75], [9, 9, 9], [0.5, 2, 1]], np.float32
+)
+FACES = [[0, 1, 5], [3, 2, 1, 0], [5, 3, 0], [0, 1, 2, 3, 5]]
+
+
+class Object(NamedTuple):
+    """An object as a store has it: its numbers, row by row, and its material's."""
+
+    shape: tuple[tuple[float, ...], ...]
+    material: tuple[float, ...]
+
+    @property
+    def color(self) -> tuple[float, ...]:
+        return self.material[:3]
+
+
+def convert(path: Path, **settings: Any) -> Store:
+    """The store that a file becomes, beside it."""
+    store = bfrt.convert(path, path.with_suffix(".bfrt"), **{"durable": False, **settings})
+    store.verify()
+    return store
+
+
+def objects_of(store: Store) -> list[Object]:
+    """All objects of a store, kind by kind."""
+    palette = store.materials().view("<f4").reshape(-1, 8)
+    found = []
+    for stream in store.streams:
+        width = 4 if stream.kind == Kind.SPHERE else 3
+        numbers = np.fromfile(stream.path("geometry"), "<f8" if stream.wide else "<f4")
+        rows = numbers.astype(np.float64).reshape(-1, width)
+        if not stream.wide:
+            rows[:, :3] += store.origin
+        if stream.kind == Kind.POLYGON:
+            ends = np.fromfile(stream.path("offsets"), "<u4").tolist()
+        else:
+            each = 3 if stream.kind == Kind.TRIANGLE else 1
+            ends = range(each, each * stream.count + 1, each)
+        if stream.material_bytes:
+            materials = np.fromfile(stream.path("materials"), f"<u{stream.material_bytes}")
+        else:
+            materials = np.full(stream.count, stream.material)
+        for start, end, material in zip([0, *ends], ends, materials, strict=False):
+            shape = tuple(map(tuple, rows[start:end].tolist()))
+            found.append(Object(shape, tuple(palette[material].tolist())))
+    return found
+
+
+def shapes_of(store: Store) -> list[tuple[tuple[float, ...], ...]]:
+    """The numbers of all objects."""
+    return [each.shape for each in objects_of(store)]
+
+
+def expected(vertices: Any, faces: list[list[int]]) -> list[tuple[tuple[float, ...], ...]]:
+    """What `shapes_of` gives for a mesh: triangles first, then the rest."""
+    rows = np.asarray(vertices).astype(np.float64).tolist()
+    shapes = [tuple(tuple(rows[i]) for i in face) for face in faces]
+    return sorted(shapes, key=lambda shape: len(shape) > 3)
+
+
+def open_files() -> int:
+    """Descriptors of this process: a spool without a name would be one."""
+    folder = Path("/proc/self/fd")
+    return len(list(folder.iterdir())) if folder.exists() else 0
+
+
+def failure(path: Path, kind: type[BfrtError] = SceneError, **settings: Any) -> str:
+    """What is said of a file that is refused, without its name; nothing may be left of the try."""
+    before, there = open_files(), set(path.parent.iterdir())
+    with pytest.raises(BfrtError) as caught:
+        convert(path, **settings)
+    message = str(caught.value)
+    assert isinstance(caught.value, kind), f"{caught.type.__name__}: {message}"
+    del caught
+    assert open_files() == before
+    assert set(path.parent.iterdir()) == there
+    assert message.isprintable() and len(message) < 600
+    assert "found" in message
+    return message.removeprefix(f"{path}: ")
+
+
+def outcome(path: Path, **settings: Any) -> str:
+    """A valid store, or one of our errors: nothing else may come of a file."""
+    before, there = open_files(), set(path.parent.iterdir())
+    made = path.with_suffix(".bfrt")
+    try:
+        said = f"{convert(path, **settings).objects} objects"
+    except BfrtError as error:
+        said = str(error)
+        assert said.isprintable()
+        assert str(path) in said
+        assert not made.exists()
+    assert open_files() == before
+    assert set(path.parent.iterdir()) - {made} == there - {made}
+    return said
