@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,8 +99,9 @@ def failure(path: Path, kind: type[BfrtError] = SceneError, **settings: Any) -> 
 
 def outcome(path: Path, **settings: Any) -> str:
     """A valid store, or one of our errors: nothing else may come of a file."""
-    before, there = open_files(), set(path.parent.iterdir())
     made = path.with_suffix(".bfrt")
+    shutil.rmtree(made, ignore_errors=True)
+    before, there = open_files(), set(path.parent.iterdir())
     try:
         said = f"{convert(path, **settings).objects} objects"
     except BfrtError as error:
@@ -108,5 +110,5 @@ def outcome(path: Path, **settings: Any) -> str:
         assert str(path) in said
         assert not made.exists()
     assert open_files() == before
-    assert set(path.parent.iterdir()) - {made} == there - {made}
+    assert set(path.parent.iterdir()) - {made} == there
     return said

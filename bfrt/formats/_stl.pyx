@@ -3,7 +3,9 @@
 cimport cython
 from libc.string cimport memcpy, strlen
 
-from bfrt.formats.text cimport FOUND, Text, consume, find_token, measure, read_any_number
+from bfrt.formats.text cimport (
+    FOUND, Text, consume, find_token, measure, pass_blanks, read_any_number,
+)
 
 import numpy as np
 
@@ -82,6 +84,8 @@ cdef class Facets:
         self.text.at = self.text.token = <unsigned char *>&chunk[1]
         self.text.end = <unsigned char *>&chunk[size - 1]
         self.text.length = 0
+        if self.text.comment:
+            pass_blanks(&self.text)
         cdef Py_ssize_t count
         with nogil:
             count = self.run(&out[0, 0])
@@ -118,6 +122,7 @@ cdef class Facets:
         if self.step == 0 and (self.is_word(b"solid") or self.is_word(b"endsolid")):
             consume(&self.text)
             self.text.comment = True  # its name goes to the line's end
+            pass_blanks(&self.text)
             self.step = -1
             return True
         return False

@@ -21,6 +21,9 @@ FACET = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", 9), ("attribute", "<
 HEADER = 80
 COUNT_END = HEADER + 4
 
+#: Bytes of a file that are looked at: text has no NUL among them.
+LOOK = 512
+
 #: Facets that are read at once.
 BLOCK = 1 << 16
 
@@ -47,13 +50,14 @@ def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None
 
 def facets_of(source: Source) -> Iterator[NDArray[Any]]:
     """The vertices of all facets, (n, 9) at a time."""
-    head = source.read(COUNT_END)
-    count = int.from_bytes(head[HEADER:], "little") if len(head) == COUNT_END else -1
-    if source.size == COUNT_END + count * FACET.itemsize:
+    head = source.read(LOOK)
+    count = int.from_bytes(head[HEADER:COUNT_END], "little") if len(head) >= COUNT_END else -1
+    if count >= 0 and source.size == COUNT_END + count * FACET.itemsize:
+        source.seek(COUNT_END)
         for block in source.blocks(FACET, count, BLOCK):
             yield np.ascontiguousarray(block["vertices"])
         return
-    if not head.lstrip()[:5].lower() == b"solid":
+    if head.lstrip()[:5].lower() != b"solid" or b"\0" in head:
         raise SceneError(
             f"{source.name}: byte {HEADER}: "
             + (

@@ -188,7 +188,7 @@ def files(draw):
     return ply(layout, *elements), vertices, faces, wide
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(made=files(), size=st.sampled_from([40, 47, 64, 1 << 20]))
 def test_round_trip(tmp_path_factory, made, size):
     data, vertices, faces, wide = made
@@ -462,7 +462,8 @@ def rich(layout):
 def test_a_file_cut_at_any_byte(file, layout):
     data = rich(layout)
     whole = len(data.rstrip()) if layout == "ascii" else len(data)
-    for size in range(len(data)):
+    header = 0 if layout == "ascii" else data.index(b"end_header")  # they have the same
+    for size in range(header, len(data)):
         file.write_bytes(data[:size])
         if size < whole:
             assert "expected" in failure(file)
@@ -714,7 +715,7 @@ def test_a_token_longer_than_a_chunk(file, tiny):
     assert "expected shorter ones" in failure(file)
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(
     layout=st.sampled_from(list(LAYOUTS)),
     flips=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1,
@@ -734,7 +735,7 @@ def test_flipped_bytes(tmp_path_factory, layout, flips, size, asked):
         outcome(file, **asked)
 
 
-@settings(max_examples=60)
+@settings(max_examples=50)
 @given(body=st.binary(max_size=200), layout=st.sampled_from(list(LAYOUTS)))
 def test_random_bodies(tmp_path_factory, body, layout):
     head, mark, _ = rich(layout).partition(b"end_header\n")
