@@ -7,7 +7,7 @@ cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.formats.text cimport (
-    FOUND, HASH, MINUS, NEWLINE, NUL, PLUS, RETURN, Text, consume, is_blank, measure,
+    FOUND, HASH, MINUS, NEWLINE, NUL, PLUS, RETURN, SPACE, Text, consume, is_blank, measure,
     pass_blanks, read_any_number,
 )
 
@@ -196,7 +196,7 @@ cdef class Lines:
             self.skip_line()
             return 0
         while count < 8 and self.in_line():
-            if read_any_number(&self.text, &values[count]) != FOUND:
+            if self.read_value(&values[count]) != FOUND:
                 return self.fail(NO_NUMBER)
             count += 1
         if count < 3:
@@ -211,6 +211,22 @@ cdef class Lines:
         self.colored += count >= 6
         self.rows += 1
         return 0
+
+    cdef int read_value(self, double *out) except -1 nogil:
+        """A number, which a backslash may follow without a blank."""
+        cdef int status = read_any_number(&self.text, out)
+        cdef unsigned char *last
+        if status != FOUND and self.goes_on():
+            last = self.text.token + self.text.length - 1
+            last[0] = SPACE
+            status = read_any_number(&self.text, out)
+            last[0] = BACKSLASH
+        return status
+
+    cdef bint goes_on(self) noexcept nogil:
+        """Whether the token ends with a backslash behind which the line goes on."""
+        cdef unsigned char *end = self.text.token + self.text.length
+        return self.text.length > 1 and (end - 1)[0] == BACKSLASH and is_end(end[0])
 
     cdef int read_face(self) except -1 nogil:
         cdef int64_t index
@@ -239,6 +255,8 @@ cdef class Lines:
         if measure(&self.text) != FOUND:
             self.fail(NO_INDEX)
             return False
+        if self.goes_on():
+            self.text.length -= 1
         minus = self.text.token[0] == MINUS
         if minus or self.text.token[0] == PLUS:
             i = 1

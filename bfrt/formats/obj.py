@@ -50,6 +50,8 @@ class ObjMesh:
         self._vertices: list[NDArray[Any]] | None = []
         self._materials: dict[bytes, int] = {}
         self._unknown: set[bytes] = set()
+        self._missing: set[str] = set()
+        self._warned = False
         self.vertices = sum(len(block) for block in self._counted())
 
     def _counted(self) -> Iterator[NDArray[Any]]:
@@ -105,7 +107,8 @@ class ObjMesh:
                     material = self._material(text, plain)
             materials[done:] = material
             yield Faces(corners, counts, None, materials)
-        if lines.unknown:
+        if lines.unknown and not self._warned:  # faces may be read twice
+            self._warned = True
             log.warning(
                 "%s: %d lines of unknown statements were passed over", self.name, lines.unknown
             )
@@ -124,17 +127,20 @@ class ObjMesh:
         """Read one library, whose name may have blanks, or several that blanks part."""
         folder = Path(self.name).parent
         whole = text.decode("utf-8", "surrogateescape")
-        for name in [whole] if is_file(folder / whole) else whole.split():
-            if not is_file(folder / name):
-                if text not in self._unknown:
-                    self._unknown.add(text)
-                    log.warning("%s: found no library %s", self.name, shown(text))
-                continue
-            for key, material in read_mtl(folder / name).items():
-                self._materials[key] = self._sink.material(material)
+        names = [whole] if is_file(folder / whole) else whole.split()
+        missing = [name for name in names if not is_file(folder / name)]
+        for name in [whole] if len(missing) == len(names) > 0 else missing:
+            if name not in self._missing:
+                self._missing.add(name)
+                told = shown(name.encode("utf-8", "surrogateescape"))
+                log.warning("%s: found no library %s", self.name, told)
+        for name in names:
+            if name not in missing:
+                for key, material in read_mtl(folder / name).items():
+                    self._materials[key] = self._sink.material(material)
 
     def numbers(self) -> Iterator[NDArray[Any]]:
-        raise SettingError(f"{self.name}: found no numbers to color by, expected {RGB}")
+        return iter(())  # colors are all there is, and need no range
 
 
 def is_file(path: Path) -> bool:
