@@ -16,19 +16,20 @@ any other                  (n,) columns to color by; ``colors`` (n, 3) for ``rgb
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, SettingError
+from bfrt.errors import BfrtError, SceneError, SettingError
 from bfrt.formats.colors import Painter
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.outlet import Outlet
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.source import printable
 
 #: Names that positions go by.
 CENTERS = ("centers", "positions", "points", "coordinates", "pos", "coords", "xyz")
@@ -37,6 +38,9 @@ COLORS = ("colors", "rgb", "color")
 
 #: What full color is, of whole numbers.
 FULL = {np.dtype("u1"): 255.0, np.dtype("u2"): 65535.0}
+
+#: Bytes of an array's rows that are read at once, unless one row has more.
+BLOCK_BYTES = 8 << 20
 
 
 class Array(Protocol):
@@ -52,6 +56,25 @@ class Array(Protocol):
 
 
 Arrays = Mapping[str, Array]
+
+
+class Lazy(Mapping[str, Array]):
+    """Arrays that are opened when they are asked for: what nobody needs may be anything."""
+
+    def __init__(self, openers: Mapping[str, Callable[[], Array]]) -> None:
+        self._openers = openers
+
+    def __getitem__(self, name: str) -> Array:
+        return self._openers[name]()
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._openers
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._openers)
+
+    def __len__(self) -> int:
+        return len(self._openers)
 
 
 def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
@@ -82,7 +105,7 @@ def write_triangles(arrays: Arrays, outlet: Outlet) -> None:
     reading.refuse_all_but(outlet.name, "color_by", "colormap", "color_range", "skip_invalid")
     if triangles.shape[1:] not in ((3, 3), (9,)):
         raise wrong(triangles, "(n, 3, 3) or (n, 9)")
-    column = painting(arrays, reading, outlet.name, triangles.shape[0])
+    column = painting(arrays, reading, outlet.name, "triangles", triangles.shape[0])
     painter = None
     if column is not None:
         painter = Painter(outlet.sink, reading, numbers(column), outlet.name)
@@ -97,47 +120,47 @@ class ArrayPoints:
 
     def __init__(self, file: str, arrays: Arrays, reading: Reading) -> None:
         self.name = file
-        self._centers = self._find_centers(arrays, reading)
-        self._has_radii = self._centers.shape[1:] == (4,)
+        key = self._find_centers(arrays, reading)
+        self._centers = arrays[key]
+        self._has_radii = self._centers.shape[1:] == (4,) and reading.radius is None
         if self._centers.shape[1:] not in ((3,), (4,)):
             raise wrong(self._centers, "(n, 3), or (n, 4) with radii")
         count = self._centers.shape[0]
-        self._radii = self._find_radii(arrays, reading, count)
-        self._values = painting(arrays, reading, file, count)
+        self._radii = self._find_radii(arrays, reading, key, count)
+        self._values = painting(arrays, reading, file, key, count)
         self.painted = self._values is not None
 
-    def _find_centers(self, arrays: Arrays, reading: Reading) -> Array:
+    def _find_centers(self, arrays: Arrays, reading: Reading) -> str:
         if reading.positions is not None:
             return named(arrays, reading.positions, self.name, "positions")
         known = ("spheres", *CENTERS)
-        found = [key for key in arrays if key.rpartition("/")[2].lower() in known]
+        found = called(arrays, known)
+        if len(found) > 1:
+            found = [key for key in found if is_points(arrays[key])] or found
         if len(found) != 1:
             raise SceneError(
                 f"{self.name}: found {listed(found or arrays)}, expected one array named as "
                 f"one of {', '.join(known)}, or positions= with its name"
             )
-        return arrays[found[0]]
+        return found[0]
 
-    def _find_radii(self, arrays: Arrays, reading: Reading, count: int) -> Array | None:
+    def _find_radii(
+        self, arrays: Arrays, reading: Reading, centers: str, count: int
+    ) -> Array | None:
         """The radii's array, unless positions have a fourth column or one number is given."""
         if isinstance(reading.radius, str):
-            found = beside(arrays, reading.radius, self._centers.name, self.name, "radius")
-        elif reading.radius is None and not self._has_radii:
-            folder = self._centers.name.rpartition("/")[0]
-            names = [f"{folder}/{name}" if folder else name for name in RADII]
-            there = [arrays[name] for name in names if name in arrays]
-            if not there:
-                return None
-            found = there[0]
-        else:
-            return None
-        return column_of(found, count)
+            key = named(arrays, reading.radius, self.name, "radius", centers)
+            return column_of(arrays[key], count)
+        if reading.radius is None and not self._has_radii:
+            for key in beside(called(arrays, RADII), centers):
+                return column_of(arrays[key], count)
+        return None
 
     def blocks(self) -> Iterator[PointBlock]:
         dtype = floats(self._centers)
         for block, radii, values in together(self._centers, self._radii, self._values):
             positions = block.astype(dtype, copy=False)
-            own = positions[:, 3] if self._has_radii and radii is None else radii
+            own = positions[:, 3] if self._has_radii else radii
             yield PointBlock(positions[:, :3], own, values)
 
     def numbers(self) -> Iterator[NDArray[Any]]:
@@ -158,7 +181,7 @@ class ArrayMesh:
         self.vertices = self._vertices.shape[0]
         self.coordinates = floats(self._vertices)
         counts = (self.vertices, self._faces.shape[0])
-        self._column = painting(arrays, reading, file, *counts)
+        self._column = painting(arrays, reading, file, "vertices", *counts)
         self.painted = self._column is not None
         self._of_vertices = self.painted and self._rows() == self.vertices
         self.row = self.coordinates
@@ -180,32 +203,34 @@ class ArrayMesh:
         beside = None if self._of_vertices else self._column
         for block, values in together(self._faces, beside):
             counts = np.full(len(block), block.shape[1], np.uint32)
-            # What 64 signed bits do not hold is no vertex either.
-            indices = np.minimum(block, 1 << 62).astype(np.int64).reshape(-1)
-            yield Faces(indices, counts, values)
+            if block.dtype == np.uint64:  # what 64 signed bits do not hold is no vertex either
+                block = np.minimum(block, np.uint64((1 << 63) - 1))
+            yield Faces(block.astype(np.int64).reshape(-1), counts, values)
 
     def numbers(self) -> Iterator[NDArray[Any]]:
         return numbers(self._column)
 
 
-def painting(arrays: Arrays, reading: Reading, file: str, *counts: int) -> Array | None:
-    """The array that colors are made of, with a row for each of so many things."""
+def painting(arrays: Arrays, reading: Reading, file: str, near: str, *counts: int) -> Array | None:
+    """The array that colors are made of, with a row for each of so many things.
+
+    It is in the folder of the array `near`, or has its whole name.
+    """
     if reading.color_by is None:
         return None
-    if reading.color_by == RGB:
-        there = [array for key, array in arrays.items() if key.rpartition("/")[2].lower() in COLORS]
-        if len(there) != 1 or there[0].shape[1:] != (3,):
-            raise SettingError(
-                f"{file}: found {listed(arrays)}, expected one array of colors (n, 3), named as "
-                f"one of {', '.join(COLORS)}"
-            )
-        found = Scaled(there[0])
-        if found.shape[0] not in counts:
-            raise wrong(found, f"({' or '.join(map(str, counts))}, 3)")
-        return found
-    near = reading.positions or next(iter(arrays), "")
-    found_column = beside(arrays, reading.color_by, near, file, "color_by")
-    return column_of(found_column, *counts)
+    if reading.color_by != RGB:
+        return column_of(arrays[named(arrays, reading.color_by, file, "color_by", near)], *counts)
+    there = called(arrays, COLORS)
+    there = beside(there, near) or there
+    if len(there) != 1:
+        raise SettingError(
+            f"{file}: found {listed(there or arrays)}, expected one array of colors (n, 3), named "
+            f"as one of {', '.join(COLORS)}"
+        )
+    found = arrays[there[0]]
+    if not is_rows(found, 3) or found.shape[0] not in counts:
+        raise wrong(found, f"numbers of shape ({either(counts)}, 3)", SettingError)
+    return Scaled(found)
 
 
 class Scaled:
@@ -216,38 +241,63 @@ class Scaled:
         self.dtype = np.dtype("f4")
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        full = FULL.get(self._array.dtype, 1.0)
+        full = FULL.get(self._array.dtype.newbyteorder("="), 1.0)
         for block in self._array.blocks(rows):
             yield (block / full).astype(np.float32)
 
 
-def named(arrays: Arrays, name: str, file: str, setting: str) -> Array:
-    """The array of a name.
+def named(arrays: Arrays, name: str, file: str, setting: str, near: str = "") -> str:
+    """The key of the array of a name: in the folder of another, or by its whole name.
 
     Raises
     ------
     SettingError
         If there is none.
     """
-    if name not in arrays:
-        raise SettingError(
-            f"{file}: found no array {name!r} for {setting}, expected one of {listed(arrays)}"
-        )
-    return arrays[name]
+    for key in (f"{near.rpartition('/')[0]}/{name}", name, name.lstrip("/")):
+        if key in arrays:
+            return key
+    raise SettingError(
+        f"{file}: found no array {name!r} for {setting}, expected one of {listed(arrays)}"
+    )
 
 
-def beside(arrays: Arrays, name: str, near: str, file: str, setting: str) -> Array:
-    """The array of a name, in the folder of another or by its whole name."""
-    folder = near.rpartition("/")[0]
-    whole = f"{folder}/{name}"
-    return arrays[whole] if whole in arrays else named(arrays, name, file, setting)
+def called(arrays: Arrays, names: tuple[str, ...]) -> list[str]:
+    """The keys that end on one of some names, in any case."""
+    return [key for key in arrays if key.rpartition("/")[2].lower() in names]
+
+
+def beside(keys: list[str], near: str) -> list[str]:
+    """Those in the folder of an array."""
+    return [key for key in keys if key.rpartition("/")[0] == near.rpartition("/")[0]]
+
+
+def is_rows(array: Array, *columns: int) -> bool:
+    """Whether it has rows of so many numbers."""
+    return len(array.shape) == 2 and array.shape[1] in columns and array.dtype.kind in "fiub"
+
+
+def is_points(array: Array) -> bool:
+    """Whether it may be positions."""
+    return is_rows(array, 3, 4)
 
 
 def column_of(array: Array, *counts: int) -> Array:
-    """The array, if it is a column of numbers for as many things."""
+    """The array, if it is a column of numbers for as many things.
+
+    Raises
+    ------
+    SettingError
+        If it is not.
+    """
     if len(array.shape) != 1 or array.shape[0] not in counts or array.dtype.kind not in "fiub":
-        raise wrong(array, f"numbers of shape ({' or '.join(map(str, counts))},)")
+        raise wrong(array, f"numbers of shape ({either(counts)},)", SettingError)
     return array
+
+
+def either(counts: tuple[int, ...]) -> str:
+    """Counts as an error shows them."""
+    return " or ".join(map(str, counts))
 
 
 def numbers(column: Array | None) -> Iterator[NDArray[Any]]:
@@ -257,27 +307,28 @@ def numbers(column: Array | None) -> Iterator[NDArray[Any]]:
 
 def together(first: Array, *others: Array | None) -> Iterator[tuple[Any, ...]]:
     """The rows of arrays of one length, block by block; None for what is not there."""
-    streams: list[Iterator[Any]] = [first.blocks(BLOCK)]
-    for other in others:
-        streams.append(itertools.repeat(None) if other is None else other.blocks(BLOCK))
-    return zip(*streams, strict=False)  # what repeats has no end
+    there = [first, *(other for other in others if other is not None)]
+    widest = max(math.prod(array.shape[1:]) * array.dtype.itemsize for array in there)
+    rows = min(BLOCK, max(1, BLOCK_BYTES // max(1, widest)))
+    for blocks in zip(*(array.blocks(rows) for array in there), strict=True):
+        found = iter(blocks[1:])
+        yield blocks[0], *(None if other is None else next(found) for other in others)
 
 
 def floats(array: Array) -> np.dtype[Any]:
     """float32 where that holds the numbers exactly, else float64."""
-    if array.dtype.kind not in "fiu" or array.dtype.itemsize > 8:
+    if array.dtype.kind not in "fiub" or array.dtype.itemsize > 8:
         raise wrong(array, "numbers of 64 bits or fewer")
     return np.dtype("f4") if np.can_cast(array.dtype, np.float32) else np.dtype("f8")
 
 
-def wrong(array: Array, expected: str) -> SceneError:
+def wrong(array: Array, expected: str, kind: type[BfrtError] = SceneError) -> BfrtError:
     """What is said of an array of another shape or type."""
-    return SceneError(
-        f"{array.name}: found {array.dtype} of shape {array.shape}, expected {expected}"
-    )
+    dtype = printable(str(array.dtype))
+    return kind(f"{array.name}: found {dtype} of shape {array.shape}, expected {expected}")
 
 
-def listed(names: Any) -> str:
+def listed(names: Iterable[str]) -> str:
     """Names as an error shows them."""
-    shown = list(names)
+    shown = [printable(name) for name in names]
     return ", ".join(shown[:12]) + (", ..." if len(shown) > 12 else "") or "no arrays"

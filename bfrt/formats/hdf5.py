@@ -2,43 +2,43 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, SettingError
-from bfrt.formats.arrays import Array, write_arrays
+from bfrt.errors import SettingError
+from bfrt.formats.arrays import Lazy, write_arrays
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.reading import Reading
-from bfrt.formats.source import Report, Source
-
-#: What h5py makes of a broken file.
-BROKEN = (OSError, RuntimeError, ValueError, KeyError, TypeError)
+from bfrt.formats.source import Report, Source, printable
 
 
 class Dataset:
     """A dataset as `bfrt.formats.arrays.Array`."""
 
-    def __init__(self, name: str, dataset: Any, path: str) -> None:
-        self.name = name
-        self.shape: tuple[int, ...] = dataset.shape
-        self.dtype: np.dtype[Any] = dataset.dtype
+    def __init__(self, source: Source, name: str, dataset: Any) -> None:
+        self.name = f"{source.name}: {printable(name)}"
+        self._place = f"{printable(name)}: "
+        self._source = source
         self._dataset = dataset
-        self._path = path
+        try:
+            self.shape: tuple[int, ...] = dataset.shape
+            self.dtype: np.dtype[Any] = dataset.dtype
+        except Exception as error:
+            raise source.failure(error, "numbers of a type that NumPy has", self._place) from error
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
         """All rows, `rows` at a time."""
         for first in range(0, self.shape[0], rows):
             try:
                 block: NDArray[Any] = self._dataset[first : first + rows]
-            except BROKEN as error:
-                raise SceneError(
-                    f"{self._path}: {self.name}: row {first}: found {told(error)}, "
-                    "expected rows that can be read"
-                ) from None
+            except Exception as error:
+                place = f"{self._place}row {first}: "
+                raise self._source.failure(error, "rows that can be read", place) from error
             yield block
 
 
@@ -52,36 +52,32 @@ def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | Non
     SettingError
         If a setting does not fit them, or h5py is missing.
     StreamError
-        If the system refuses to open it.
+        If the system refuses to read it.
     """
     try:
         import h5py
     except ImportError:
         raise SettingError(f"{path}: HDF5 needs h5py: install bfrt[hdf5]") from None
-    with Source(path):  # what the system says of the file is not h5py's to word
-        pass
-    try:
-        file = h5py.File(path, "r")
-    except BROKEN as error:
-        raise SceneError(f"{path}: found {told(error)}, expected an HDF5 file") from None
-    with file:
-        arrays: dict[str, Array] = {}
-
-        def keep(name: str, thing: Any) -> None:
-            if isinstance(thing, h5py.Dataset) and thing.shape:
-                arrays[name] = Dataset(name, thing, path)
-
+    with Source(path) as source:
+        # h5py has errors of every kind for files that are broken.
         try:
-            file.visititems(keep)
-        except BROKEN as error:
-            raise SceneError(f"{path}: found {told(error)}, expected datasets") from None
-        outlet = Outlet(sink, path, reading)
-        write_arrays(path, arrays, outlet)
-        outlet.report()
-    if report is not None:
-        report(Path(path).stat().st_size)
+            file = h5py.File(source, "r")
+        except Exception as error:
+            raise source.failure(error, "an HDF5 file") from error
+        with file:
+            openers: dict[str, Any] = {}
 
+            def keep(given: str | bytes, thing: Any) -> None:
+                name = os.fsdecode(given)  # bytes where it is no UTF-8
+                if isinstance(thing, h5py.Dataset) and thing.shape:
+                    openers[name] = partial(Dataset, source, name, thing)
 
-def told(error: BaseException) -> str:
-    """An error's first line."""
-    return repr(next(iter(str(error).splitlines()), type(error).__name__)[:200])
+            try:
+                file.visititems(keep)
+            except Exception as error:
+                raise source.failure(error, "datasets") from error
+            outlet = Outlet(sink, path, reading)
+            write_arrays(path, Lazy(openers), outlet)
+            outlet.report()
+        if report is not None:
+            report(source.size)

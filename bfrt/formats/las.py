@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats.hdf5 import told
+from bfrt.formats.laz import asking, backend_for, check_records
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import RGB, Reading
-from bfrt.formats.source import Report, Source
+from bfrt.formats.source import Report, Source, printable
 
 COLORS = ("red", "green", "blue")
 
@@ -25,8 +24,9 @@ FULL = 65535.0
 class Scan:
     """A scan's points: `bfrt.formats.points.Points`."""
 
-    def __init__(self, path: str, laspy: Any, reading: Reading) -> None:
-        self.name = path
+    def __init__(self, source: Source, laspy: Any, reading: Reading) -> None:
+        self.name = source.name
+        self._source = source
         self._laspy = laspy
         self._asked: tuple[str, ...] = ()
         if reading.color_by is not None:
@@ -34,22 +34,24 @@ class Scan:
         self._radius = (reading.radius,) if isinstance(reading.radius, str) else ()
         self.painted = bool(self._asked)
         with self._opened() as file:
-            there = set(file.header.point_format.dimension_names)
+            dimensions = file.header.point_format.dimensions
+        there = {*"xyz", *(each.name for each in dimensions if each.num_elements == 1)}
         for name in (*self._radius, *self._asked):
             if name not in there:
                 raise SettingError(
-                    f"{path}: found no dimension {name!r}, expected one of "
-                    f"{', '.join(sorted(there))}"
+                    f"{self.name}: found no dimension {name!r}, expected one of "
+                    f"{', '.join(map(printable, sorted(there)))}"
                 )
 
     def _opened(self) -> Any:
-        # laspy and its decompressor have many errors of their own for files that are broken.
-        try:
-            return self._laspy.open(self.name)
-        except Exception as error:
-            raise SceneError(
-                f"{self.name}: found {told(error)}, expected a LAS or LAZ file"
-            ) from error
+        with asking(self._source, "a LAS or LAZ file"):
+            check_records(self._source)
+            self._source.seek(0)
+            file = self._laspy.open(self._source, closefd=False, read_evlrs=False)
+            if file.header.are_points_compressed and file.header.point_count:
+                file.laz_backend = backend_for(self._source, file.header, self._laspy.LazBackend)
+            self._source.seek(file.header.offset_to_point_data)
+            return file
 
     def _chunks(self) -> Iterator[Any]:
         """All points, a chunk at a time, as many as the header says."""
@@ -58,13 +60,8 @@ class Scan:
             promised = file.header.point_count
             chunks = file.chunk_iterator(BLOCK)
             while True:
-                try:
+                with asking(self._source, f"{promised} points", f"point {done}: "):
                     chunk = next(chunks, None)
-                except Exception as error:
-                    raise SceneError(
-                        f"{self.name}: point {done}: found {told(error)}, expected "
-                        f"{promised} points"
-                    ) from error
                 if chunk is None:
                     break
                 done += len(chunk)
@@ -99,17 +96,17 @@ def read_las(path: str, sink: SceneSink, reading: Reading, report: Report | None
     SettingError
         If a setting does not fit it, or laspy is missing.
     StreamError
-        If the system refuses to open it.
+        If the system refuses to read it.
     """
     reading.refuse_all_but(path, "radius", "color_by", "colormap", "color_range", "skip_invalid")
     try:
         import laspy
+        import lazrs  # noqa: F401
     except ImportError:
-        raise SettingError(f"{path}: LAS needs laspy: install bfrt[las]") from None
-    with Source(path):  # what the system says of the file is not laspy's to word
-        pass
-    outlet = Outlet(sink, path, reading)
-    write_points(Scan(path, laspy, reading), outlet)
-    outlet.report()
-    if report is not None:
-        report(Path(path).stat().st_size)
+        raise SettingError(f"{path}: LAS needs laspy and lazrs: install bfrt[las]") from None
+    with Source(path) as source:
+        outlet = Outlet(sink, path, reading)
+        write_points(Scan(source, laspy, reading), outlet)
+        outlet.report()
+        if report is not None:
+            report(source.size)

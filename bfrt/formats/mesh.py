@@ -193,6 +193,8 @@ def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArr
                 count = part.stop - part.start
                 vertices[part] = expect(found[window].read(count), count, mesh)["row"]
             yield vertices.take(where, axis=0), faces
+        for spool in found:
+            expect(spool.read(1), 0, mesh)
     finally:
         for spool in (*places, *found):
             spool.close()

@@ -9,23 +9,18 @@ from __future__ import annotations
 import contextlib
 import math
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any, Protocol
+from functools import partial
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, ShortReadError
-from bfrt.formats.arrays import CENTERS, write_arrays
+from bfrt.errors import BfrtError, SceneError, ShortReadError
+from bfrt.formats.arrays import CENTERS, Lazy, write_arrays
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.reading import Reading
-from bfrt.formats.source import Report, Source
-from bfrt.streams.aside import refused
-
-#: What a broken zip is told by.
-BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError)
+from bfrt.formats.source import Report, Source, printable, said
 
 #: Bytes of a header: NumPy takes no more either.
 HEADER_BYTES = 10_000
@@ -35,6 +30,10 @@ class Readable(Protocol):
     """What an array is read from, forwards."""
 
     def read(self, size: int = ..., /) -> bytes: ...
+
+    def readinto(self, buffer: Any, /) -> int: ...
+
+    def tell(self) -> int: ...
 
     def close(self) -> None: ...
 
@@ -53,6 +52,8 @@ class NpyArray:
     ------
     SceneError
         If they are no array of numbers in C order.
+    StreamError
+        If the system refuses to read them.
     """
 
     def __init__(self, name: str, open_it: Callable[[], Readable]) -> None:
@@ -62,7 +63,7 @@ class NpyArray:
             self.shape, self.dtype = self._header(file)
 
     def _header(self, file: Readable) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        try:
+        with self._read("NumPy's header of an array"):
             version = np.lib.format.read_magic(file)
             read = np.lib.format.read_array_header_2_0
             if version == (1, 0):
@@ -70,17 +71,15 @@ class NpyArray:
             elif version not in ((2, 0), (3, 0)):
                 raise ValueError(f"version {version}")
             shape, fortran, dtype = read(file, max_header_size=HEADER_BYTES)
-        except BROKEN as error:
-            raise SceneError(
-                f"{self.name}: found {str(error).splitlines()[0]!r:.200}, "
-                "expected NumPy's header of an array"
-            ) from None
+            if version == (3, 0) and dtype.names:  # which is 2.0 with names of UTF-8
+                dtype.names = tuple(name.encode("latin1").decode() for name in dtype.names)
         whole = all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in shape)
-        if not shape or not whole or dtype.hasobject or (fortran and len(shape) > 1):
+        plain = not dtype.hasobject and dtype.subdtype is None
+        if not shape or not whole or not plain or (fortran and len(shape) > 1):
             order = "Fortran" if fortran else "C"
             raise SceneError(
-                f"{self.name}: found {dtype} of shape {shape} in {order} order, expected numbers "
-                "in rows, in C order"
+                f"{self.name}: found {printable(str(dtype))} of shape {shape} in {order} order, "
+                "expected numbers in rows, in C order"
             )
         return shape, dtype
 
@@ -92,31 +91,36 @@ class NpyArray:
             self._header(file)
             while left and row:
                 n = min(rows, left)
-                block = self._exactly(file, n * row, (self.shape[0] - left) * row)
-                yield np.frombuffer(block, self.dtype).reshape(n, *self.shape[1:])
+                yield self._exactly(file, n * row).view(self.dtype).reshape(n, *self.shape[1:])
                 left -= n
-            if row and self._read(file, 1):
+            with self._read("its end"):
+                more = file.read(1)
+            if row and more:
                 raise SceneError(
-                    f"{self.name}: found more bytes than an array of shape {self.shape} has, "
-                    "expected its end"
+                    f"{self.name}: byte {file.tell() - 1}: found more bytes than an array of shape "
+                    f"{self.shape} has, expected its end"
                 )
 
-    def _exactly(self, file: Readable, size: int, done: int) -> bytes:
-        block = bytearray()
-        while len(block) < size:
-            part = self._read(file, size - len(block))
-            if not part:
-                raise ShortReadError(self.name, done + len(block), size, len(block))
-            block += part
-        return bytes(block)
+    def _exactly(self, file: Readable, size: int) -> NDArray[np.uint8]:
+        start, done = file.tell(), 0
+        block = np.empty(size, np.uint8)
+        with self._read("an array's bytes"):
+            while done < size and (got := file.readinto(block.data[done:])):
+                done += got
+        if done < size:
+            raise ShortReadError(self.name, start, size, done)
+        return block
 
-    def _read(self, file: Readable, size: int) -> bytes:
+    @contextlib.contextmanager
+    def _read(self, expected: str) -> Iterator[None]:
+        """Say where it was that something could not be read."""
+        # Decompressors and NumPy's parser have many errors without a base of their own.
         try:
-            return file.read(size)
-        except BROKEN as error:
-            raise SceneError(
-                f"{self.name}: found {str(error)!r:.200}, expected an array's bytes"
-            ) from None
+            yield
+        except BfrtError:
+            raise
+        except Exception as error:
+            raise SceneError(f"{self.name}: found {said(error)}, expected {expected}") from error
 
 
 def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
@@ -132,7 +136,7 @@ def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None
     StreamError
         If the system refuses to read it.
     """
-    array = NpyArray(path, lambda: Source(path, report))
+    array = NpyArray(path, partial(Source, path, report))
     outlet = Outlet(sink, path, reading)
     write_arrays(path, fields_of(array) if array.dtype.names else by_shape(array), outlet)
     outlet.report()
@@ -154,7 +158,7 @@ class Field:
     """Fields of rows as an array: one as a column, several side by side."""
 
     def __init__(self, array: NpyArray, *fields: str) -> None:
-        self.name = f"{array.name}: {' '.join(fields)}"
+        self.name = f"{array.name}: {printable(' '.join(fields))}"
         self._array = array
         self._fields = fields
         first: np.dtype[Any] = array.dtype[fields[0]]
@@ -172,11 +176,12 @@ class Field:
 
 
 def fields_of(array: NpyArray) -> dict[str, Any]:
-    """The fields of an array of records, and its positions where they are three."""
+    """The fields of an array of records, and its positions where they are three numbers."""
+    names = array.dtype.names or ()
     if len(array.shape) != 1:
         raise SceneError(f"{array.name}: found records of shape {array.shape}, expected (n,)")
-    found = {name: Field(array, name) for name in array.dtype.names or ()}
-    if all(name in found for name in "xyz"):
+    found = {name: Field(array, name) for name in names}
+    if all(name in names and array.dtype[name].kind in "fiu" for name in "xyz"):
         found[CENTERS[0]] = Field(array, "x", "y", "z")
     return found
 
@@ -193,37 +198,34 @@ def read_npz(path: str, sink: SceneSink, reading: Reading, report: Report | None
     StreamError
         If the system refuses to read it.
     """
-    try:
-        archive = zipfile.ZipFile(path)
-    except OSError as error:
-        raise refused(path, 0, error, "opening") from error
-    except BROKEN as error:
-        raise SceneError(f"{path}: found {str(error)!r:.200}, expected a zip of arrays") from None
-    with archive:
-        arrays = {}
-        for member in archive.namelist():
-            stem = member.removesuffix(".npy")
-            if stem != member:
-                arrays[stem] = NpyArray(f"{path}: {stem}", Member(archive, member, path))
-        outlet = Outlet(sink, path, reading)
-        write_arrays(path, arrays, outlet)
-        outlet.report()
-    if report is not None:
-        report(Path(path).stat().st_size)
+    with Source(path) as source:
+        try:
+            archive = zipfile.ZipFile(source)
+        except Exception as error:  # of many kinds where its directory is broken
+            raise source.failure(error, "a zip of arrays") from error
+        with archive:
+            openers = {}
+            for member in archive.namelist():
+                stem = member.removesuffix(".npy")
+                if stem != member:
+                    name = f"{path}: {printable(stem)}"
+                    openers[stem] = partial(NpyArray, name, Member(source, archive, member))
+            outlet = Outlet(sink, path, reading)
+            write_arrays(path, Lazy(openers), outlet)
+            outlet.report()
+        if report is not None:
+            report(source.size)
 
 
 class Member:
     """Opens a file of a zip."""
 
-    def __init__(self, archive: zipfile.ZipFile, member: str, path: str) -> None:
-        self._archive, self._member, self._path = archive, member, path
+    def __init__(self, source: Source, archive: zipfile.ZipFile, member: str) -> None:
+        self._source, self._archive, self._member = source, archive, member
 
     def __call__(self) -> Readable:
         try:
-            return self._archive.open(self._member)
-        except OSError as error:
-            raise refused(self._path, 0, error, "reading") from error
-        except BROKEN as error:
-            raise SceneError(
-                f"{self._path}: {self._member}: found {str(error)!r:.200}, expected an array"
-            ) from None
+            return cast(zipfile.ZipExtFile, self._archive.open(self._member))
+        except Exception as error:  # encrypted, in a way that is not known, or broken
+            place = f"{printable(self._member)}: "
+            raise self._source.failure(error, "an array", place) from error

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from numbers import Real
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -66,15 +66,18 @@ def write_points(points: Points, outlet: Outlet) -> None:
         If neither the setting nor the file has a radius.
     """
     reading = outlet.reading
+    radius = None if isinstance(reading.radius, str) else reading.radius
+    if radius is not None and not math.isfinite(radius):
+        raise SettingError(f"radius: found {radius}, expected a finite number")
     painter = None
     if points.painted:
         painter = Painter(outlet.sink, reading, points.numbers(), points.name)
     for centers, radii, values in points.blocks():
         if radii is None:
-            if not isinstance(reading.radius, Real):
+            if radius is None:
                 raise SettingError(
                     f"{points.name}: found points without a radius, expected radius="
                 )
-            radii = np.full(len(centers), float(reading.radius))
+            radii = np.full(len(centers), float(radius))
         materials = None if painter is None or values is None else painter.paint(values)
         outlet.spheres(centers, radii, materials)

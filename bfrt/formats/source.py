@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bfrt.errors import SceneError, ShortReadError
+from bfrt.errors import BfrtError, SceneError, ShortReadError, StreamError
 from bfrt.streams.aside import refused
 
 #: Bytes of text that are parsed at once.
@@ -28,6 +28,9 @@ Bytes = npt.NDArray[np.uint8]
 
 class Source:
     """A file, its place, and its name for errors.
+
+    Libraries that want a file to read are given this one: `failure` then tells what the system
+    refused from what they cannot make sense of.
 
     Parameters
     ----------
@@ -46,16 +49,27 @@ class Source:
         self.name = os.fspath(path)
         self.at = 0
         self.report = report
+        self._refused: StreamError | None = None
         try:
             self._file = io.FileIO(self.name)
             self.size = os.fstat(self._file.fileno()).st_size
         except OSError as error:
             raise refused(self.name, 0, error, "opening") from error
 
-    def seek(self, offset: int) -> None:
-        """Go on at a byte."""
-        self._file.seek(offset)
-        self.at = offset
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """Go on at a byte: from the begin, from here (1) or from the end (2)."""
+        at = offset + (0, self.at, self.size)[whence]
+        if not 0 <= at < 1 << 63:
+            raise ValueError(f"byte {at}")
+        self._file.seek(at)
+        self.at = at
+        return at
+
+    def tell(self) -> int:
+        return self.at
+
+    def seekable(self) -> bool:
+        return True
 
     def read_into(self, buffer: memoryview) -> int:
         """Fill a buffer as far as the file goes; returns the bytes."""
@@ -64,13 +78,18 @@ class Source:
             while done < len(buffer) and (got := self._file.readinto(buffer[done:])):
                 done += got
         except OSError as error:
-            raise refused(self.name, self.at + done, error, "reading") from error
+            self._refused = refused(self.name, self.at + done, error, "reading")
+            raise self._refused from error
         self.at += done
         if self.report is not None:
             self.report(self.at)
         return done
 
-    def read(self, most: int = -1) -> bytes:
+    def readinto(self, buffer: Any, /) -> int:
+        """Fill a buffer of any type as far as the file goes; returns the bytes."""
+        return self.read_into(memoryview(buffer).cast("B"))
+
+    def read(self, most: int = -1, /) -> bytes:
         """The next bytes, fewer only at the file's end; all for -1."""
         left = max(self.size - self.at, 0)
         buffer = bytearray(left if most < 0 else min(most, left))
@@ -150,6 +169,14 @@ class Source:
         ends = max(tail.rfind(blank) for blank in (b" ", b"\n", b"\t", b"\r"))
         return len(text) - len(tail) + ends + 1
 
+    def failure(self, error: BaseException, expected: str, place: str = "") -> BfrtError:
+        """What to raise for an error of what reads this file: the system's, where that is why."""
+        if isinstance(error, BfrtError):
+            return error
+        return self._refused or SceneError(
+            f"{self.name}: {place}found {said(error)}, expected {expected}"
+        )
+
     def close(self) -> None:
         self._file.close()
 
@@ -163,6 +190,16 @@ class Source:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def said(error: BaseException) -> str:
+    """What an error of a library says, as an error shows it: its first line."""
+    return repr(next(iter(str(error).splitlines()), type(error).__name__)[:200])
+
+
+def printable(name: str) -> str:
+    """A name as an error shows it, on one line whatever it is."""
+    return name if name.isprintable() else repr(name)
 
 
 def shown(token: bytes) -> str:

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError, StreamError
+from bfrt.formats.arrays import Array
+from bfrt.formats.npy import NpyArray
+from bfrt.formats.source import Source
 from bfrt.queries._rays import ask
 from bfrt.records import ASKED, HIT, RayKind
 from bfrt.scene.store import Store
 
 #: Rays that are taken from an array at once.
 BLOCK = 65536
+
+#: What the system says of a path where there is no file for us.
+ABSENT = (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES)
 
 Block = tuple[NDArray[Any], NDArray[Any], NDArray[np.float64], NDArray[np.float64]]
 
@@ -82,14 +90,28 @@ def rays_of(
         raise SettingError(
             f"rays: found origins {o.shape} and directions {d.shape}, expected one shape (n, 3)"
         )
-    near, far = _column("t_min", t_min, len(o)), _column("t_max", t_max, len(o))
+    count = o.shape[0]
+    near, far = _column("t_min", t_min, count), _column("t_max", t_max, count)
 
     def blocks() -> Iterator[Block]:
-        for first in range(0, len(o), BLOCK):
-            part = slice(first, first + BLOCK)
-            yield o[part], d[part], near[part], far[part]
+        for number, rays in enumerate(zip(o.blocks(BLOCK), d.blocks(BLOCK), strict=True)):
+            part = slice(number * BLOCK, (number + 1) * BLOCK)
+            yield *rays, near[part], far[part]
 
-    return blocks(), len(o)
+    return blocks(), count
+
+
+class Held:
+    """An array of the caller's, in memory or mapped, as one that is read."""
+
+    def __init__(self, name: str, given: ArrayLike) -> None:
+        self.name = name
+        self._array = np.asarray(given)
+        self.shape, self.dtype = self._array.shape, self._array.dtype
+
+    def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
+        for first in range(0, len(self._array), rows):
+            yield self._array[first : first + rows]
 
 
 def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Block]:
@@ -106,26 +128,30 @@ def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Bl
         yield from parts
 
 
-def _rows(name: str, given: Any) -> NDArray[Any]:
-    """An array (n, 3) of float32 or float64; a file's is mapped, not read."""
-    array: NDArray[Any]
-    if isinstance(given, (str, os.PathLike)):
-        try:
-            array = np.load(given, mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError, EOFError) as error:
-            raise SettingError(
-                f"{os.fspath(given)}: expected an .npy file of {name}: {error}"
-            ) from None
-    else:
-        array = np.asarray(given)
-    if array.ndim == 2 and array.shape[1] == 3 and array.dtype.kind in "iu":
-        array = array.astype(np.float64)
-    if array.ndim != 2 or array.shape[1] != 3 or array.dtype not in (np.float32, np.float64):
+def _rows(name: str, given: Any) -> Array:
+    """Rows (n, 3) of float32, float64 or whole numbers; a file's are read when they are needed."""
+    file = isinstance(given, (str, os.PathLike))
+    array: Array = _stored(name, os.fspath(given)) if file else Held(name, given)
+    numbers = array.dtype in (np.float32, np.float64) or array.dtype.kind in "iu"
+    if len(array.shape) != 2 or array.shape[1] != 3 or not numbers:
         raise SettingError(
-            f"{name}: found {array.dtype} of shape {array.shape}, "
+            f"{array.name}: found {array.dtype} of shape {array.shape}, "
             "expected float32 or float64 of shape (n, 3)"
         )
     return array
+
+
+def _stored(name: str, path: str) -> NpyArray:
+    """An .npy file's array, whose blocks are read forwards."""
+    try:
+        return NpyArray(path, partial(Source, path))
+    except SceneError as error:
+        raise SettingError(f"{error}, for {name}") from None
+    except StreamError as error:
+        if error.errno not in ABSENT:
+            raise
+        said = os.strerror(error.errno)
+        raise SettingError(f"{path}: expected an .npy file of {name}: {said}") from None
 
 
 def _column(name: str, given: ArrayLike, n: int) -> NDArray[np.float64]:

@@ -1,0 +1,457 @@
+"""Meshes joined on disk are those joined in memory, and the command that makes stores of them."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from meshes import FACES, VERTICES, convert, expected, failure, objects_of, open_files, shapes_of
+
+import bfrt
+from bfrt.budget import format_memory
+from bfrt.cli import main
+from bfrt.errors import BudgetError, SceneError
+from bfrt.formats import mesh as mesh_module
+from bfrt.formats.mesh import (
+    CONVERTING,
+    FEWEST,
+    Faces,
+    by_window,
+    joined,
+    joined_in_memory,
+    joined_on_disk,
+    means,
+    once_each,
+)
+
+MEMORY = 1 << 20
+
+
+class Arrays:
+    """A mesh of arrays, in blocks of any size; what it is may change from pass to pass."""
+
+    name = "mesh"
+    painted = False
+
+    def __init__(self, vertices, faces, *, block=3):
+        self.arrays = np.asarray(vertices)
+        self.lists = faces
+        self.block = block
+        self.vertices, self.columns = self.arrays.shape
+        self.row = self.coordinates = self.arrays.dtype
+        self.passes = 0
+
+    def vertex_blocks(self):
+        for first in range(0, len(self.arrays), self.block):
+            yield self.arrays[first : first + self.block].copy()
+
+    def face_blocks(self):
+        self.passes += 1
+        for first in range(0, len(self.lists), self.block):
+            part = self.lists[first : first + self.block]
+            indices = np.array([i for face in part for i in face], np.int64)
+            yield Faces(indices, np.array([len(face) for face in part], np.uint32))
+
+    def numbers(self):
+        return iter(())
+
+
+def together(blocks):
+    """All corners and counts of a join."""
+    corners, counts = [np.empty((0, 0))], []
+    for block, faces in blocks:
+        assert len(block) == faces.counts.sum()
+        corners.append(block.copy())
+        counts += faces.counts.tolist()
+    corners = [block for block in corners if block.size]
+    return (np.concatenate(corners) if corners else np.empty(0)), counts
+
+
+def random_mesh(rng, n, faces, columns=3, dtype=np.float32, sizes=(3, 9)):
+    lists = [rng.integers(0, n, rng.integers(*sizes)).tolist() for _ in range(faces)]
+    return rng.normal(size=(n, columns)).astype(dtype), lists
+
+
+# --- the join ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=150)
+@given(
+    seed=st.integers(0, 1 << 30),
+    n=st.integers(1, 40),
+    faces=st.integers(0, 30),
+    most=st.integers(1, 50),
+    block=st.integers(1, 12),
+    columns=st.integers(3, 6),
+    dtype=st.sampled_from([np.float32, np.float64]),
+    lookups=st.sampled_from([1, 3, 1 << 17]),
+    spread=st.sampled_from([0, 1, 4]),
+)
+def test_on_disk_as_in_memory(
+    tmp_path_factory, seed, n, faces, most, block, columns, dtype, lookups, spread
+):
+    vertices, lists = random_mesh(np.random.default_rng(seed), n, faces, columns, dtype, (0, 7))
+    mesh = Arrays(vertices, lists, block=block)
+    scratch = tmp_path_factory.mktemp("join")
+    before = open_files()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh_module, "BLOCK", lookups)
+        patch.setattr(mesh_module, "SPREAD", spread)
+        corners, counts = together(joined_on_disk(mesh, most, scratch))
+    right, sizes = together(joined_in_memory(mesh))
+    assert corners.dtype == right.dtype
+    assert corners.tobytes() == right.tobytes()
+    assert right.tobytes() == vertices[[i for face in lists for i in face]].tobytes()
+    assert counts == sizes == [len(face) for face in lists]
+    assert open_files() == before
+    assert list(scratch.iterdir()) == []
+
+
+def test_nothing_is_read_before_it_is_asked_for(tmp_path):
+    mesh = Arrays(VERTICES, FACES)
+    joined_on_disk(mesh, 2, tmp_path)
+    assert mesh.passes == 0
+
+
+def test_a_join_that_is_left_gives_its_files_back(tmp_path):
+    before = open_files()
+    join = joined_on_disk(Arrays(VERTICES, FACES, block=1), 2, tmp_path)
+    next(join)
+    if before:
+        assert open_files() > before
+    join.close()
+    assert open_files() == before
+    assert list(tmp_path.iterdir()) == []
+
+
+@settings(max_examples=100)
+@given(
+    indices=st.lists(st.one_of(st.integers(0, 20), st.integers(0, 1 << 40)), max_size=30),
+    most=st.integers(1, 1 << 38),
+)
+def test_windows_of_what_is_needed(indices, most):
+    given = np.array(indices, np.int64)
+    needed, where = once_each(given)
+    assert needed.tolist() == sorted(set(indices))
+    assert needed[where].tolist() == indices
+    most = max(most, 1 + (max(indices, default=0) >> 12))
+    seen = []
+    for window, part in by_window(needed, most):
+        assert (needed[part] // most == window).all()
+        assert part.stop > part.start
+        seen += needed[part].tolist()
+    assert seen == needed.tolist()
+
+
+@pytest.mark.parametrize("most", [None, 1, 2, 4])
+@pytest.mark.parametrize("bad", [-1, 6, 1 << 40, -(1 << 40)])
+@pytest.mark.parametrize("place", [0, 1, 3, 4])
+def test_indices_out_of_range(tmp_path, most, bad, place):
+    lists = [*FACES, [0, 1, 2]]
+    lists.insert(place, [0, 1, bad, 3])
+    mesh = Arrays(VERTICES, lists, block=2)
+    before = open_files()
+    with pytest.raises(SceneError) as caught:
+        together(joined_in_memory(mesh) if most is None else joined_on_disk(mesh, most, tmp_path))
+    assert str(caught.value) == f"mesh: face {place}: found vertex {bad}, expected 0 to 5"
+    del caught
+    assert open_files() == before
+
+
+class Restless(Arrays):
+    """A mesh whose second pass over the faces finds others."""
+
+    others = FACES
+
+    def face_blocks(self):
+        if self.passes == 1:
+            self.lists = self.others
+        return super().face_blocks()
+
+
+@pytest.mark.parametrize(
+    "others",
+    [FACES[:-1], FACES[1:], [], [*FACES, [0, 1, 2]], [*FACES[:-1], [0, 1, 2]], [*FACES, [4, 4, 4]]],
+)
+@pytest.mark.parametrize("most", [1, 2, 4])
+def test_a_mesh_that_changes_is_refused(tmp_path, others, most):
+    mesh = Restless(VERTICES, FACES, block=1)
+    mesh.others = others
+    with pytest.raises(SceneError) as caught:
+        together(joined_on_disk(mesh, most, tmp_path))
+    assert str(caught.value) == "mesh: found other faces than before, expected a file at rest"
+
+
+@pytest.mark.parametrize("change", [-6, -1, 1, 7])
+def test_other_vertices_than_were_said(tmp_path, change):
+    for most in (None, 1, 4):
+        mesh = Arrays(VERTICES, [[0, 0, 0]])
+        mesh.arrays = np.resize(mesh.arrays, (6 + change, 3))
+        with pytest.raises(SceneError, match=r"mesh: found [0-9]* vertices, expected 6"):
+            together(
+                joined_in_memory(mesh) if most is None else joined_on_disk(mesh, most, tmp_path)
+            )
+
+
+def test_the_budget(tmp_path):
+    mesh = Arrays(VERTICES, FACES)
+    least = CONVERTING + FEWEST
+    with pytest.raises(BudgetError) as caught:
+        joined(mesh, least - 1, tmp_path)
+    said = str(caught.value)
+    assert said.startswith("memory: found ")
+    assert f"expected {format_memory(least)} or more to convert a mesh" in said
+    assert together(joined(mesh, bfrt.budget.parse_memory(format_memory(least)), tmp_path))[1]
+
+
+def test_which_join(tmp_path):
+    """In memory, as long as all vertices fit."""
+    for fits, names in ((0, "joined_in_memory"), (1, "joined_on_disk")):
+        mesh = Arrays(np.zeros((FEWEST // 12 + fits, 3), np.float32), FACES)
+        join = joined(mesh, CONVERTING + FEWEST, tmp_path)
+        assert join.__name__ == names
+
+
+def test_means_of_faces():
+    values = np.arange(24.0).reshape(8, 3)
+    counts = np.array([3, 0, 5], np.uint32)
+    right = [values[:3].mean(axis=0), [0, 0, 0], values[3:].mean(axis=0)]
+    np.testing.assert_allclose(means(values, counts), right)
+    np.testing.assert_allclose(means(values[:, :1], counts), np.array(right)[:, 0])
+
+
+# --- whole conversions ---------------------------------------------------------------------------
+
+
+def ply_of(vertices, faces, more=()):
+    """A PLY file of bytes; `more` are columns of floats."""
+    columns = vertices.shape[1]
+    names = ["x", "y", "z", *(f"c{i}" for i in range(3, columns))]
+    kind = {4: "float", 8: "double"}[vertices.itemsize]
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    head += [f"property {kind} {name}" for name in names]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_index", "end_header\n"]
+    body = [np.uint8(len(face)).tobytes() + np.array(face, "<i4").tobytes() for face in faces]
+    return "\n".join(head).encode() + vertices.tobytes() + b"".join(body)
+
+
+def small_budget(patch, bytes_of_vertices):
+    """A mesh gets so many bytes for its vertices where the memory is MEMORY."""
+    patch.setattr(mesh_module, "CONVERTING", MEMORY - bytes_of_vertices)
+    patch.setattr(mesh_module, "FEWEST", 0)
+
+
+@settings(max_examples=40)
+@given(
+    seed=st.integers(0, 1 << 30),
+    n=st.integers(1, 300),
+    faces=st.integers(1, 60),
+    room=st.integers(40, 3000),
+    dtype=st.sampled_from([np.float32, np.float64]),
+    asked=st.sampled_from([{}, {"color_by": "c3"}, {"triangulate": True}, {"dtype": "float32"}]),
+)
+def test_the_same_store(tmp_path_factory, seed, n, faces, room, dtype, asked):
+    vertices, lists = random_mesh(np.random.default_rng(seed), n, faces, 4, dtype)
+    file = tmp_path_factory.mktemp("mesh") / "a.ply"
+    file.write_bytes(ply_of(vertices, lists))
+    whole = convert(file, **asked)
+    with pytest.MonkeyPatch.context() as patch:
+        small_budget(patch, room)
+        assert convert(file, memory=MEMORY, **asked).checksum == whole.checksum
+    assert sorted(path.name for path in file.parent.iterdir()) == ["a.bfrt", "a.ply"]
+    if not asked:
+        assert shapes_of(whole) == expected(vertices[:, :3], lists)
+
+
+@pytest.mark.parametrize("room", [1 << 19, 50])
+def test_another_scratch_folder(tmp_path, monkeypatch, room):
+    small_budget(monkeypatch, room)
+    file = tmp_path / "a.ply"
+    file.write_bytes(ply_of(VERTICES, FACES))
+    scratch = tmp_path / "scratch"
+    if room == 50:  # on disk, and there is no such folder
+        assert "creating" in failure(file, bfrt.errors.StreamError, memory=MEMORY, scratch=scratch)
+    scratch.mkdir()
+    assert shapes_of(convert(file, memory=MEMORY, scratch=scratch)) == expected(VERTICES, FACES)
+    assert list(scratch.iterdir()) == []
+
+
+def test_a_bad_mesh_on_disk_leaves_nothing(tmp_path, monkeypatch):
+    file = tmp_path / "a.ply"
+    data = ply_of(VERTICES, FACES)
+    small_budget(monkeypatch, 50)
+    for size in range(data.index(b"end_header"), len(data)):
+        file.write_bytes(data[:size])
+        failure(file, memory=MEMORY)
+    file.write_bytes(ply_of(VERTICES, [*FACES, [0, 1, 9]]))
+    assert failure(file, memory=MEMORY) == "face 4: found vertex 9, expected 0 to 5"
+    vertices = VERTICES.copy()
+    vertices[3, 0] = np.nan
+    file.write_bytes(ply_of(vertices, FACES))
+    assert failure(file, memory=MEMORY).startswith("face 1: found nan 1 0.75 1 1 0.5 1 0 0.25 0 0 ")
+
+
+def test_too_little_memory(tmp_path):
+    file = tmp_path / "a.ply"
+    file.write_bytes(ply_of(VERTICES, FACES))
+    least = format_memory(CONVERTING + FEWEST)
+    assert f"expected {least} or more" in failure(file, BudgetError, memory="99MiB")
+    assert convert(file, memory=least).objects == 4
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="as Linux counts memory")
+def test_many_windows_at_the_least_memory(tmp_path):
+    """More vertices than the least budget holds."""
+    rng = np.random.default_rng(8)
+    vertices = rng.normal(size=(FEWEST // 12 * 2 + 9, 3)).astype(np.float32)
+    lists = rng.integers(0, len(vertices), (2000, 3)).tolist()
+    file = tmp_path / "a.ply"
+    file.write_bytes(ply_of(vertices, lists))
+    whole = convert(file, memory="1GiB")
+    assert convert(file, memory=CONVERTING + FEWEST).checksum == whole.checksum
+    assert shapes_of(whole)[:9] == expected(vertices, lists[:9])
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def cloud(tmp_path):
+    """Points with a number, one of which is not finite."""
+    file = tmp_path / "cloud.ply"
+    head = ["ply", "format ascii 1.0", "element vertex 3"]
+    head += [f"property float {name}" for name in ("x", "y", "z", "heat")]
+    file.write_text("\n".join([*head, "end_header", "0 0 0 1", "nan 0 0 2", "2 0 0 3", ""]))
+    return file
+
+
+@pytest.fixture
+def square(tmp_path):
+    file = tmp_path / "square.ply"
+    file.write_bytes(ply_of(VERTICES, FACES))
+    return file
+
+
+def run(*arguments):
+    """The command as a process: its status, what it prints, and what it says."""
+    done = subprocess.run(
+        [sys.executable, "-m", "bfrt", *map(str, arguments)],
+        capture_output=True, text=True, check=False, cwd=tempfile.gettempdir(),
+    )  # fmt: skip
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_convert_points(cloud, tmp_path):
+    out = tmp_path / "a.bfrt"
+    status, _, said = run("convert", cloud, "-o", out, "--radius", "0.5", "--skip-invalid",
+                          "--color-by", "heat", "--color-range", "1", "3",
+                          "--colormap", "gray")  # fmt: skip
+    assert (status, said) == (0, f"bfrt: {cloud}: 1 objects that are not finite were dropped\n")
+    first, last = objects_of(bfrt.open(out))
+    assert (first.shape, last.shape) == (((0, 0, 0, 0.5),), ((2, 0, 0, 0.5),))
+    assert (first.color, last.color) == ((0, 0, 0), (1, 1, 1))
+    assert run("convert", cloud, "-o", out, "--radius", "heat", "--skip-invalid", "--quiet") == (
+        0,
+        "",
+        "",
+    )
+    assert shapes_of(bfrt.open(out)) == [((0, 0, 0, 1),), ((2, 0, 0, 3),)]
+
+
+def test_convert_in_a_budget(square, tmp_path, capsys):
+    out = str(tmp_path / "a.bfrt")
+    least = format_memory(CONVERTING + FEWEST)
+    assert main(["convert", str(square), "-o", out, "--memory", "100MiB"]) == 2
+    assert f"expected {least} or more" in capsys.readouterr().err
+    assert main(["convert", str(square), "-o", out, "--memory", least, "--triangulate"]) == 0
+    assert [stream.kind.label for stream in bfrt.open(out).streams] == ["triangle"]
+    assert main(["convert", str(square), "-o", out, "--dtype", "float64"]) == 0
+    assert all(stream.wide for stream in bfrt.open(out).streams)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
+@pytest.mark.parametrize("command", ["convert", "render"])
+def test_a_bad_file_is_one_line_and_status_1(tmp_path, suffix, command):
+    file = tmp_path / f"a.{suffix}"
+    file.write_bytes(b"f 1 2 3\n")
+    out = tmp_path / ("a.bfrt" if command == "convert" else "a.png")
+    status, printed, said = run(command, file, "-o", out)
+    assert (status, printed) == (1, "")
+    assert said.count("\n") == 1
+    assert said.startswith(f"bfrt: {file}: ")
+    assert "expected" in said
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--radius", "1"], "found radius=1.0, expected none"),
+        (["--positions", "x"], "found positions='x', expected none"),
+        (["--colormap", "gray"], "found without color_by"),
+        (["--color-range", "0", "1"], "found without color_by"),
+        (["--color-by", "heat"], "found no heat of each vertex or face, expected one of x y z"),
+        (["--color-by", "x", "--colormap", "nope"], "colormap: found 'nope'"),
+        (["--color-by", "x", "--color-range", "2", "1"], "color_range: found [2.0, 1.0], expected"),
+        (["--memory", "many"], "memory: found 'many'"),
+    ],
+)
+@pytest.mark.parametrize("command", ["convert", "render"])
+def test_wrong_settings_are_status_2(square, tmp_path, capsys, command, arguments, words):
+    out = tmp_path / ("a.bfrt" if command == "convert" else "a.png")
+    assert main([command, str(square), "-o", str(out), *arguments]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["square.ply"]
+
+
+def test_points_without_a_radius_are_status_2(cloud, tmp_path, capsys):
+    assert main(["convert", str(cloud), "-o", str(tmp_path / "a.bfrt")]) == 2
+    assert "found points without a radius, expected radius=" in capsys.readouterr().err
+    for radius in ("nan", "inf"):
+        arguments = ["-o", str(tmp_path / "a.bfrt"), "--radius", radius]
+        assert main(["convert", str(cloud), *arguments]) == 2
+        assert f"radius: found {radius}, expected a finite number" in capsys.readouterr().err
+
+
+def test_render_a_mesh(square, tmp_path, capsys):
+    out = tmp_path / "x.png"
+    size = ["--resolution", "16", "12", "--memory", "256MiB", "--threads", "1"]
+    assert main(["render", str(square), "-o", str(out), "--color-by", "z", *size]) == 0
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["square.ply", "x.png"]
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--dtype", "float32"], ["--radius", "1"], ["--radius", "0"], ["--positions", "x"],
+     ["--color-by", "z"], ["--colormap", "gray"], ["--color-range", "0", "0"], ["--skip-invalid"],
+     ["--triangulate"]],
+)  # fmt: skip
+def test_reading_options_are_not_for_stores(square, tmp_path, capsys, arguments):
+    convert(square)
+    store, out = str(square.with_suffix(".bfrt")), str(tmp_path / "x.png")
+    assert main(["render", store, "-o", out, *arguments]) == 2
+    said = capsys.readouterr().err
+    assert f"found {arguments[0]}, expected it for a file, not for a store" in said
+    assert not Path(out).exists()
+
+
+def test_several_files_are_groups(square, cloud, tmp_path):
+    with pytest.raises(bfrt.errors.SettingError):
+        bfrt.convert([square, cloud], tmp_path / "a.bfrt")
+    cloud.write_text(cloud.read_text().replace("nan", "1"))
+    with pytest.raises(bfrt.errors.SettingError, match="found radius=1, expected none"):
+        bfrt.convert([cloud, square], tmp_path / "a.bfrt", radius=1)
+    store = bfrt.convert([square, square], tmp_path / "a.bfrt")
+    assert [group.gridded for group in store.groups] == [4, 4]
+    logging.getLogger("bfrt").handlers.clear()
