@@ -397,7 +397,8 @@ def opened(options: argparse.Namespace) -> Iterator[Store]:
     """The store to render: as given, or converted in the scratch folder and removed after."""
     if is_store(options.input):
         for name in READING[:-2]:
-            if getattr(options, name):
+            asked = getattr(options, name)
+            if asked is not None and asked is not False:
                 flag = name.replace("_", "-")
                 raise SettingError(
                     f"{options.input}: found --{flag}, expected it for a file, not for a store"

@@ -277,7 +277,8 @@ def test_another_scratch_folder(tmp_path, monkeypatch, room):
     file.write_bytes(ply_of(VERTICES, FACES))
     scratch = tmp_path / "scratch"
     if room == 50:  # on disk, and there is no such folder
-        assert "creating" in failure(file, bfrt.errors.StreamError, memory=MEMORY, scratch=scratch)
+        with pytest.raises(bfrt.errors.StreamError, match="creating"):
+            convert(file, memory=MEMORY, scratch=scratch)
     scratch.mkdir()
     assert shapes_of(convert(file, memory=MEMORY, scratch=scratch)) == expected(VERTICES, FACES)
     assert list(scratch.iterdir()) == []
@@ -295,7 +296,7 @@ def test_a_bad_mesh_on_disk_leaves_nothing(tmp_path, monkeypatch):
     vertices = VERTICES.copy()
     vertices[3, 0] = np.nan
     file.write_bytes(ply_of(vertices, FACES))
-    assert failure(file, memory=MEMORY).startswith("face 1: found nan 1 0.75 1 1 0.5 1 0 0.25 0 0 ")
+    assert failure(file, memory=MEMORY).startswith("face 1: found nan 1 0.75 1 1 0.5 1 0 0.25, ")
 
 
 def test_too_little_memory(tmp_path):
@@ -453,5 +454,5 @@ def test_several_files_are_groups(square, cloud, tmp_path):
     with pytest.raises(bfrt.errors.SettingError, match="found radius=1, expected none"):
         bfrt.convert([cloud, square], tmp_path / "a.bfrt", radius=1)
     store = bfrt.convert([square, square], tmp_path / "a.bfrt")
-    assert [group.gridded for group in store.groups] == [4, 4]
+    assert [group.gridded for group in store.groups] == [1, 1]
     logging.getLogger("bfrt").handlers.clear()
