@@ -174,6 +174,8 @@ class Outlet:
             else:
                 start = int(counts[:bad].sum())
                 row = numbers[start : start + int(counts[bad])]
+                if len(row):  # as far as a corner that is not finite is shown
+                    row = row[max(int(np.argmin(finite(row))) - 2, 0) :]
             raise SceneError(
                 f"{self.name}: {what} {first + bad}: found {told(row)}, "
                 "expected finite coordinates of three corners or more"

@@ -1,0 +1,248 @@
+"""Maps of numbers to colors, and colors of a file's own."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bfrt.errors import SceneError, SettingError
+from bfrt.formats.colors import NO_VALUE, STEPS, Painter, colormap, cubehelix, linear, value_range
+from bfrt.formats.reading import Reading
+
+HAS_MATPLOTLIB = importlib.util.find_spec("matplotlib") is not None
+
+
+class Palette:
+    """A sink that numbers materials."""
+
+    def __init__(self):
+        self.materials = []
+
+    def material(self, material):
+        if material not in self.materials:
+            self.materials.append(material)
+        return self.materials.index(material)
+
+    def colors(self, indices):
+        return np.array([self.materials[i].color for i in indices.tolist()]).reshape(-1, 3)
+
+
+def paint(values, blocks=None, **asked):
+    """Colors of values, as light."""
+    palette = Palette()
+    values = np.asarray(values)
+    painter = Painter(palette, Reading(**asked), [values] if blocks is None else blocks, "file")
+    indices = painter.paint(values)
+    assert indices.dtype == np.uint32
+    return palette.colors(indices)
+
+
+# --- maps ----------------------------------------------------------------------------------------
+
+
+def green(t, start=0.5, rotations=-1.5, hue=1.0, gamma=1.0):
+    """Equations 1 and 2 of Green 2011, a number at a time."""
+    angle = 2 * math.pi * (start / 3 + rotations * t + 1)
+    a = hue * t**gamma * (1 - t**gamma) / 2
+    c, s = math.cos(angle), math.sin(angle)
+    return [
+        t**gamma + a * (-0.14861 * c + 1.78277 * s),
+        t**gamma + a * (-0.29227 * c - 0.90649 * s),
+        t**gamma + a * (1.97294 * c + 0.0 * s),
+    ]
+
+
+def test_cubehelix_is_greens():
+    t = np.linspace(0, 1, 501)
+    right = np.clip([green(x) for x in t.tolist()], 0, 1)
+    np.testing.assert_allclose(cubehelix(t), right, atol=1e-14)
+
+
+def test_cubehelix_goes_from_black_to_white_and_brightens():
+    t = np.linspace(0, 1, 2001)
+    colors = cubehelix(t)
+    assert colors[0].tolist() == [0, 0, 0]
+    assert colors[-1].tolist() == [1, 1, 1]
+    assert (np.diff(colors @ [0.30, 0.59, 0.11]) > 0).all()  # the paper's perceived intensity
+
+
+def test_maps():
+    gray = colormap("gray")
+    assert gray.shape == (STEPS, 3)
+    assert (gray == np.linspace(0, 1, STEPS)[:, None]).all()
+    helix = colormap("cubehelix")
+    np.testing.assert_allclose(helix[0], green(0.15), atol=1e-12)
+    np.testing.assert_allclose(helix[-1], green(0.85), atol=1e-12)
+    assert helix.shape == (STEPS, 3)
+    assert (helix >= 0).all()
+    assert (helix <= 1).all()
+
+
+@pytest.mark.skipif(not HAS_MATPLOTLIB, reason="matplotlib is not installed")
+def test_matplotlibs_maps():
+    import matplotlib
+
+    right = matplotlib.colormaps["viridis"](np.linspace(0, 1, STEPS))[:, :3]
+    np.testing.assert_allclose(colormap("viridis"), right)
+    with pytest.raises(SettingError, match="found 'nope', expected cubehelix, gray or matplotlib"):
+        colormap("nope")
+
+
+def test_maps_without_matplotlib(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)  # as if there were none
+    with pytest.raises(SettingError) as caught:
+        colormap("viridis")
+    assert str(caught.value) == (
+        "colormap: found 'viridis', expected cubehelix or gray, or matplotlib for more maps"
+    )
+    assert len(colormap("cubehelix")) == len(colormap("gray")) == STEPS
+
+
+def test_srgb_as_light():
+    values = np.linspace(0, 1, 300)
+    light = linear(values)
+    back = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    np.testing.assert_allclose(back, values, atol=2e-5)
+    assert (light[0], light[-1]) == (0, 1)
+    assert (np.diff(light) > 0).all()
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+@settings(max_examples=150)
+@given(
+    values=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40),
+    ends=st.one_of(st.none(), st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))),
+    dtype=st.sampled_from([np.float32, np.float64]),
+)
+def test_steps_of_numbers(values, ends, dtype):
+    values = np.array(values, dtype)
+    asked = None if ends is None else (min(ends), max(ends))
+    lo, hi = asked or (values.min().item(), values.max().item())
+    shades = paint(values, color_by="x", colormap="gray", color_range=asked)
+    table = linear(colormap("gray"))
+    for value, shade in zip(values.tolist(), shades, strict=True):
+        place = (value - lo) / (hi - lo) * STEPS if hi > lo else 0.0
+        steps = [min(max(math.floor(place * (1 + e)), 0), STEPS - 1) for e in (-1e-14, 1e-14)]
+        assert any((shade == table[step]).all() for step in steps)
+
+
+def test_ends_and_beyond():
+    values = [-math.inf, -5.0, 0.0, 0.999 / STEPS, 1.001 / STEPS, 0.9999, 1.0, 7.0, math.inf]
+    table = linear(colormap("cubehelix"))
+    right = table[[0, 0, 0, 0, 1, STEPS - 1, STEPS - 1, STEPS - 1, STEPS - 1]]
+    np.testing.assert_array_equal(paint(values, color_by="x", color_range=(0, 1)), right)
+
+
+def test_what_has_no_number_is_gray():
+    shades = paint([0.0, math.nan, 1.0], color_by="x")
+    assert shades[1].tolist() == list(NO_VALUE) == [0.5] * 3
+    assert shades[0].tolist() == linear(colormap("cubehelix"))[0].tolist()
+
+
+def test_one_number_only():
+    for number in (0.0, 3.5, -1e300):
+        shades = paint([number, math.nan, number], color_by="x", colormap="gray")
+        assert shades.tolist() == [[0, 0, 0], [0.5] * 3, [0, 0, 0]]
+
+
+def test_whole_numbers():
+    shades = paint(np.array([0, 1, 255], np.uint8), color_by="x", colormap="gray")
+    np.testing.assert_array_equal(shades, linear(colormap("gray"))[[0, 1, 255]])
+
+
+def test_a_range_takes_all_blocks():
+    blocks = [np.array([3.0, np.nan]), np.array([]), np.array([-np.inf, -7.0]), np.array([np.inf])]
+    assert value_range(blocks, "file") == (-7, 3)
+    assert value_range([np.array([5], np.int64)], "file") == (5, 5)
+    for nothing in ([], [np.array([])], [np.array([np.nan]), np.array([np.inf, -np.inf])]):
+        with pytest.raises(
+            SceneError, match=r"^file: found no finite number to color by, expected"
+        ):
+            value_range(nothing, "file")
+
+
+def test_a_range_that_is_given_is_not_looked_for():
+    def never():
+        raise AssertionError
+        yield
+
+    assert len(paint([1.0], blocks=never(), color_by="x", color_range=(0, 1))) == 1
+
+
+def test_a_map_takes_few_materials():
+    palette = Palette()
+    painter = Painter(palette, Reading(color_by="x", color_range=(0, 1)), [], "file")
+    painter.paint(np.linspace(-1, 2, 10_000))
+    assert len(palette.materials) == STEPS + 1
+    assert {material[1:] for material in palette.materials} == {(1.0, 0.0, 1.0, 0.0, 1.0)}
+
+
+# --- colors --------------------------------------------------------------------------------------
+
+
+@settings(max_examples=100)
+@given(
+    colors=st.lists(
+        st.tuples(*[st.one_of(st.floats(0, 1), st.sampled_from([0.0, 1.0, 2.0, -1.0]))] * 3),
+        min_size=1, max_size=20,
+    )
+)  # fmt: skip
+def test_colors_are_rounded_to_5_6_5(colors):
+    found = paint(np.array(colors), color_by="rgb")
+    for color, shade in zip(colors, found, strict=True):
+        parts = [min(max(part, 0.0), 1.0) for part in color]
+        rounded = [
+            round(part * most) / most for part, most in zip(parts, (31, 63, 31), strict=True)
+        ]
+        np.testing.assert_allclose(shade, linear(np.array(rounded)), atol=1e-12)
+
+
+def test_all_colors_of_8_bits():
+    """Each part is off by half a step at the most, and the ends are exact."""
+    values = np.arange(256) / 255
+    for channel, most in ((0, 31), (1, 63), (2, 31)):
+        colors = np.zeros((256, 3))
+        colors[:, channel] = values
+        found = paint(colors, color_by="rgb")[:, channel]
+        right = np.rint(values * most) / most
+        np.testing.assert_allclose(found, linear(right))
+        assert np.abs(right - values).max() <= 0.5 / most + 1e-12
+        assert (found[0], found[-1]) == (0, 1)
+
+
+def test_colors_are_given_once():
+    palette = Palette()
+    painter = Painter(palette, Reading(color_by="rgb"), [], "file")
+    colors = np.random.default_rng(1).integers(0, 3, (500, 3)) / 2
+    first, again = painter.paint(colors), painter.paint(colors[::-1].copy())
+    assert (first == again[::-1]).all()
+    assert len(palette.materials) == 27
+
+
+def test_colors_that_are_none():
+    found = paint(np.array([[np.nan, 1.0, np.inf], [-np.inf, 0.0, 0.0]]), color_by="rgb")
+    assert found.tolist() == [[0, 1, 1], [0, 0, 0]]
+
+
+@pytest.mark.parametrize("asked", [{"colormap": "gray"}, {"color_range": (0, 1)}])
+def test_a_map_for_colors(asked):
+    with pytest.raises(SettingError, match=r"^color_by: found rgb with a map, expected rgb alone$"):
+        paint(np.zeros((1, 3)), color_by="rgb", **asked)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [(1, 0), (0, math.nan), (math.nan, 0), (-math.inf, 0), (0, math.inf), (1,), (1, 2, 3), "ab", 5,
+     ("x", 1)],
+)  # fmt: skip
+def test_ranges_that_are_none(bad):
+    with pytest.raises(SettingError, match=r"^color_range: found .*, expected two finite numbers"):
+        Reading(color_by="x", color_range=bad)
