@@ -34,9 +34,8 @@ class Object(NamedTuple):
 
 def convert(path: Path, **settings: Any) -> Store:
     """The store that a file becomes, beside it."""
-    store = bfrt.convert(path, path.with_suffix(".bfrt"), **{"durable": False, **settings})
-    store.verify()
-    return store
+    quick = {"durable": False, "memory": 1 << 30}
+    return bfrt.convert(path, path.with_suffix(".bfrt"), **{**quick, **settings})
 
 
 def objects_of(store: Store) -> list[Object]:
@@ -103,7 +102,9 @@ def outcome(path: Path, **settings: Any) -> str:
     shutil.rmtree(made, ignore_errors=True)
     before, there = open_files(), set(path.parent.iterdir())
     try:
-        said = f"{convert(path, **settings).objects} objects"
+        store = convert(path, **settings)
+        store.verify()
+        said = f"{store.objects} objects"
     except BfrtError as error:
         said = str(error)
         assert said.isprintable()

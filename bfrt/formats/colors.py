@@ -127,8 +127,8 @@ class Painter:
     def _by_number(self, values: NDArray[Any]) -> NDArray[np.uint32]:
         span = self._hi - self._lo
         with np.errstate(all="ignore"):
-            place = (values.astype(np.float64) - self._lo) * (STEPS / span if span > 0 else 0.0)
-            step = np.clip(place, 0, STEPS - 1)
+            above = values.astype(np.float64) - self._lo
+            step = np.clip(above / span * STEPS if span > 0 else above * 0.0, 0, STEPS - 1)
         known = ~np.isnan(step)
         steps = np.where(known, step, STEPS).astype(np.int64)
         found: NDArray[np.uint32] = self._indices[steps].astype(np.uint32)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol
 
@@ -67,8 +66,6 @@ def write_points(points: Points, outlet: Outlet) -> None:
     """
     reading = outlet.reading
     radius = None if isinstance(reading.radius, str) else reading.radius
-    if radius is not None and not math.isfinite(radius):
-        raise SettingError(f"radius: found {radius}, expected a finite number")
     painter = None
     if points.painted:
         painter = Painter(outlet.sink, reading, points.numbers(), points.name)
