@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 from collections.abc import Callable, Iterator
@@ -60,7 +61,7 @@ class Source:
         """Go on at a byte: from the begin, from here (1) or from the end (2)."""
         at = offset + (0, self.at, self.size)[whence]
         if not 0 <= at < 1 << 63:
-            raise ValueError(f"byte {at}")
+            raise OSError(errno.EINVAL, f"byte {at}")
         self._file.seek(at)
         self.at = at
         return at
