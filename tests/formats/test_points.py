@@ -1,0 +1,224 @@
+"""Points that become spheres, whatever file they are from: radii, colors, and what is dropped."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bfrt.errors import SceneError, SettingError
+from bfrt.formats.colors import NO_VALUE, STEPS, colormap, cubehelix, linear
+from bfrt.formats.outlet import Outlet
+from bfrt.formats.points import PointBlock, write_points
+from bfrt.formats.reading import Reading
+from bfrt.records import Kind
+
+RNG = np.random.default_rng(8)
+CENTERS = RNG.normal(size=(20, 3)).astype(np.float32)
+
+
+class Sink:
+    """Keeps spheres and their colors."""
+
+    def __init__(self):
+        self.palette = {}
+        self.records = []
+        self.materials = []
+
+    def material(self, material):
+        return self.palette.setdefault(material.color, len(self.palette))
+
+    def append(self, kind, records, materials):
+        assert kind is Kind.SPHERE
+        assert records.shape == (len(materials), 4) and len(materials)
+        assert records.flags.c_contiguous and materials.dtype == np.uint32
+        self.records.append(records)
+        self.materials += materials.tolist()
+
+    @property
+    def colors(self):
+        names = list(self.palette)
+        return [names[index] for index in self.materials]
+
+
+class Given:
+    """Points of arrays, in blocks of any size."""
+
+    name = "points"
+
+    def __init__(self, centers, radii=None, values=None, block=7):
+        self.arrays = [None if a is None else np.asarray(a) for a in (centers, radii, values)]
+        self.painted = values is not None
+        self.block = block
+
+    def blocks(self):
+        for first in range(0, len(self.arrays[0]), self.block):
+            part = slice(first, first + self.block)
+            yield PointBlock(*(None if a is None else a[part] for a in self.arrays))
+
+    def numbers(self):
+        return (block.values for block in self.blocks())
+
+
+def written(points, **asked):
+    """The spheres, (n, 4), and the sink that took them."""
+    sink = Sink()
+    outlet = Outlet(sink, points.name, Reading(**asked))
+    write_points(points, outlet)
+    outlet.report()
+    records = np.concatenate(sink.records) if sink.records else np.empty((0, 4))
+    return records, sink
+
+
+def painted(values, **asked):
+    """The colors of points with these values."""
+    values = np.asarray(values)
+    return written(Given(np.zeros((len(values), 3)), None, values), radius=1, **asked)[1].colors
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+@pytest.mark.parametrize("block", [1, 7, 100])
+def test_spheres_are_of_the_positions_type(dtype, block):
+    centers, radii = CENTERS.astype(dtype), np.arange(20)
+    records, _ = written(Given(centers, radii, block=block))
+    assert records.dtype == dtype
+    assert np.array_equal(records, np.column_stack([centers, radii]))
+    for radius in (2, 0.5, np.float32(0.5), np.int64(2)):
+        records, _ = written(Given(centers, block=block), radius=radius)
+        assert records.dtype == dtype
+        assert (records[:, 3] == radius).all()
+
+
+def test_points_without_a_radius():
+    with pytest.raises(SettingError, match=r"^points: found points without a radius, expected rad"):
+        written(Given(CENTERS))
+    assert len(written(Given(CENTERS[:0]))[0]) == 0
+
+
+@given(
+    st.lists(st.sampled_from([0.0, 1.0, np.nan, np.inf, -np.inf, 1e39]), min_size=1, max_size=30),
+    st.integers(1, 9),
+)
+def test_what_is_not_finite_is_refused_or_dropped(numbers, block):
+    rows = np.zeros((len(numbers), 3))
+    rows[:, 1] = numbers
+    good = np.abs(rows[:, 1]) < 1e38
+    points = Given(rows, np.arange(len(rows)), np.arange(len(rows)), block)
+    records, sink = written(points, skip_invalid=True, color_by="v", color_range=(0, 255))
+    assert np.array_equal(records[:, 3], np.flatnonzero(good))
+    assert sink.materials == np.flatnonzero(good).tolist()  # each keeps its own color
+    if not good.all():
+        bad = int(np.argmin(good))
+        said = f"^points: point {bad}: found 0 .* 0 {bad}, expected finite numbers$"
+        with pytest.raises(SceneError, match=said.replace("+", r"\+")):
+            written(points)
+
+
+def test_dropped_ones_are_counted_and_told(caplog):
+    rows = CENTERS.copy()
+    rows[[3, 4, 19]] = np.nan
+    assert len(written(Given(rows), radius=1, skip_invalid=True)[0]) == 17
+    assert caplog.messages == ["points: 3 objects that are not finite were dropped"]
+    caplog.clear()
+    written(Given(CENTERS), radius=1, skip_invalid=True)
+    assert caplog.messages == []
+
+
+# --- colors --------------------------------------------------------------------------------------
+
+
+def test_a_map_goes_from_the_least_to_the_greatest():
+    values = RNG.permutation(np.linspace(-3, 7, 60))
+    shades = np.array(painted(values, color_by="v", colormap="gray"))[:, 0]
+    assert (np.diff(shades[np.argsort(values)]) >= 0).all()
+    assert shades[values.argmin()] == 0 and shades[values.argmax()] == 1
+    exact = linear(np.rint((values + 3) / 10 * 255) / 255)
+    assert np.abs(shades - exact).max() < 0.02
+
+
+def test_a_range_clips():
+    values = [-np.inf, -1, 0, 0.5, 1, 7, np.inf, np.nan]
+    found = painted(values, color_by="v", colormap="gray", color_range=(0, 1))
+    shades = [color[0] for color in found]
+    assert shades[:3] == [0, 0, 0] and shades[4:7] == [1, 1, 1]
+    assert 0 < shades[3] < 1
+    assert found[7] == NO_VALUE
+
+
+@pytest.mark.parametrize("values", [[5, 5, 5], [5, np.nan, np.inf]])
+def test_one_number_is_the_first_color(values):
+    assert painted(values, color_by="v", colormap="gray")[0] == (0, 0, 0)
+
+
+@pytest.mark.parametrize("dtype", ["?", "u1", "i8", "u8", ">i2", "f2", "f4"])
+def test_numbers_of_any_type(dtype):
+    found = painted(np.array([0, 1, 1, 0]).astype(dtype), color_by="v", colormap="gray")
+    assert [color[0] for color in found] == [0, 1, 1, 0]
+
+
+def test_numbers_as_far_apart_as_there_are():
+    assert len(painted([-1.7e308, 0, 1.7e308], color_by="v")) == 3
+
+
+def test_nothing_to_color_by():
+    with pytest.raises(SceneError, match=r"^points: found no finite number to color by, expected"):
+        painted([np.nan, np.inf], color_by="v")
+    found = painted([np.nan, np.inf], color_by="v", color_range=(0, 1))
+    assert found[0] == NO_VALUE
+
+
+@given(st.lists(st.tuples(*[st.floats(0, 1)] * 3), min_size=1, max_size=30))
+def test_colors_of_the_files_own_are_near(rgb):
+    found = np.array(painted(rgb, color_by="rgb"))
+    rounded = np.rint(np.array(rgb) * [31, 63, 31]) / [31, 63, 31]
+    assert np.abs(found - linear(rounded)).max() < 1e-12
+    again = np.array(painted(rounded, color_by="rgb"))
+    assert np.array_equal(found, again)
+
+
+def test_colors_out_of_range():
+    found = painted([[-1, 2, np.nan], [np.inf, -np.inf, 0.5]], color_by="rgb")
+    assert found[0] == (0, 1, 0) and found[1][:2] == (1, 0)
+
+
+def test_few_materials_for_many_colors():
+    """Objects of any number have a material of two bytes."""
+    sink = written(Given(np.zeros((5000, 3)), None, RNG.random((5000, 3)), 999), radius=1,
+                   color_by="rgb")[1]  # fmt: skip
+    assert len(sink.palette) <= 1 << 16
+    assert len(painted(np.arange(5000), color_by="v")) == 5000
+    sink = written(Given(np.zeros((5000, 3)), None, np.arange(5000)), radius=1, color_by="v")[1]
+    assert len(sink.palette) == STEPS + 1
+
+
+def test_maps_rise_in_luminance():
+    for t in (np.linspace(0, 1, STEPS), np.linspace(0, 1, 7)):
+        luminance = cubehelix(t) @ [0.30, 0.59, 0.11]
+        assert (np.diff(luminance) > 0).all()
+    assert cubehelix(np.array([0.0, 1.0])).tolist() == [[0, 0, 0], [1, 1, 1]]
+    for name in ("gray", "cubehelix"):
+        colors = colormap(name)
+        assert colors.shape == (STEPS, 3)
+        assert (colors >= 0).all() and (colors <= 1).all()
+
+
+def test_maps_of_matplotlib(monkeypatch):
+    """Whether it is there or not."""
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(SettingError, match="or matplotlib for more maps"):
+        painted([1, 2], color_by="v", colormap="viridis")
+    there = SimpleNamespace(colormaps={"mine": lambda t: np.stack([t, t, t * 0, t], axis=1)})
+    monkeypatch.setitem(sys.modules, "matplotlib", there)
+    assert painted([0, 1], color_by="v", colormap="mine") == [(0, 0, 0), (1, 1, 0)]
+    with pytest.raises(SettingError, match="found 'other', expected cubehelix, gray or matplotlib"):
+        painted([1, 2], color_by="v", colormap="other")
+
+
+@pytest.mark.parametrize("asked", [{"colormap": "gray"}, {"color_range": (0, 1)}])
+def test_a_map_for_the_files_own_colors(asked):
+    with pytest.raises(SettingError, match="found rgb with a map, expected rgb alone"):
+        painted([[1, 1, 1]], color_by="rgb", **asked)
