@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import itertools
+import os
 import sys
 from dataclasses import replace
 
@@ -13,9 +17,11 @@ from scenes import hard_scenes, random_rays
 
 import bfrt
 from bfrt import rendering
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError
+from bfrt.formats import source
 from bfrt.phases.partition import Limits
 from bfrt.queries import answers
+from bfrt.queries import rays as rays_module
 from bfrt.records import INDEX_BITS, NO_HIT
 from bfrt.reference import exhaustive
 
@@ -188,6 +194,113 @@ def test_files_and_blocks_are_as_good_as_arrays(tmp_path, planned):
     for key, values in every.items():
         np.testing.assert_array_equal(written[key], values)
     assert not list((tmp_path / "all").glob(".*"))
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8", "i2", "u8"])
+def test_files_of_rays_are_read_by_blocks(spheres, tmp_path, monkeypatch, dtype):
+    """Not mapped: a disk that fails would end the process."""
+    monkeypatch.setattr(rays_module, "BLOCK", 7)
+    monkeypatch.setattr(np, "memmap", None)
+    o = np.arange(60).reshape(20, 3).astype(dtype)
+    d = (9 - np.arange(60).reshape(20, 3) % 7).astype(dtype)
+    np.save(tmp_path / "o.npy", o)
+    np.save(tmp_path / "d.npy", d)
+    t_max = np.arange(20.0)
+    expected = spheres.cast_rays(o, d, t_max=t_max)
+    files = spheres.cast_rays(tmp_path / "o.npy", str(tmp_path / "d.npy"), t_max=t_max)
+    mixed = spheres.cast_rays(o, tmp_path / "d.npy", t_max=t_max)
+    pairs = spheres.count_intersections(iter([(tmp_path / "o.npy", d), (o, tmp_path / "d.npy")]))
+    for key, values in expected.items():
+        np.testing.assert_array_equal(files[key], values)
+        np.testing.assert_array_equal(mixed[key], values)
+    np.testing.assert_array_equal(
+        pairs["counts"], np.tile(spheres.count_intersections(o, d)["counts"], 2)
+    )
+
+
+class Broken(io.FileIO):
+    """A file whose later reads the system refuses."""
+
+    reads = 0
+
+    def readinto(self, buffer):
+        Broken.reads -= 1
+        if Broken.reads < 0:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return super().readinto(buffer)
+
+
+def test_a_read_of_rays_that_is_refused(spheres, tmp_path, monkeypatch):
+    """At the first read, the second, and so on: one error with its place, and no answers."""
+    monkeypatch.setattr(rays_module, "BLOCK", 7)
+    path, out = tmp_path / "rays.npy", tmp_path / "out"
+    np.save(path, np.ones((20, 3)))
+    monkeypatch.setattr(source.io, "FileIO", Broken)
+    for reads in itertools.count():
+        Broken.reads = reads
+        try:
+            spheres.cast_rays(path, path, out=out)
+            break
+        except bfrt.StreamError as error:
+            assert error.errno == errno.EIO
+            assert str(error).startswith(f"{path}: reading at byte ")
+        assert not out.exists()
+    assert reads > 10
+
+
+def test_a_cut_file_of_rays(spheres, tmp_path, monkeypatch):
+    monkeypatch.setattr(rays_module, "BLOCK", 7)
+    path, cut, out = tmp_path / "rays.npy", tmp_path / "cut.npy", tmp_path / "out"
+    np.save(path, np.ones((20, 3)))
+    data = path.read_bytes()
+    for size in range(0, len(data), 29):
+        cut.write_bytes(data[:size])
+        kind = SettingError if size < 128 else bfrt.ShortReadError
+        for ask in (spheres.cast_rays, spheres.list_intersections):
+            with pytest.raises(kind) as caught:
+                ask(path, cut, out=out)
+            assert str(caught.value).startswith(f"{cut}: ")
+            assert "\n" not in str(caught.value)
+        assert not out.exists()
+    cut.write_bytes(data + b"x")
+    with pytest.raises(SceneError, match="byte 608: found more bytes than an array of shape"):
+        spheres.cast_rays(path, cut, out=out)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("array", "what"),
+    [
+        (
+            np.zeros((2, 2)),
+            r"found float64 of shape \(2, 2\), expected float32 or float64",
+        ),
+        (np.zeros(3), r"found float64 of shape \(3,\), expected float32 or float64 of shape"),
+        (np.zeros((2, 3), "f2"), "found float16 of shape"),
+        (np.zeros((2, 3), "?"), "found bool of shape"),
+        (np.zeros((2, 3), "U1"), "found <U1 of shape"),
+        (np.array([[None] * 3]), "found object of shape .* in rows, in C order, for directions"),
+        (np.ones((3, 2)).T, "found float64 of shape .* in Fortran order, expected numbers in rows"),
+        (b"text", "expected NumPy's header of an array, for directions"),
+        (b"", "expected NumPy's header of an array, for directions"),
+    ],
+)
+def test_files_that_are_no_rays(spheres, tmp_path, array, what):
+    path = tmp_path / "d.npy"
+    if isinstance(array, bytes):
+        path.write_bytes(array)
+    else:
+        np.save(path, array, allow_pickle=True)
+    with pytest.raises(SettingError, match=what) as caught:
+        spheres.cast_rays(np.zeros((2, 3)), path)
+    assert str(caught.value).startswith(f"{path}: ") and "\n" not in str(caught.value)
+
+
+def test_paths_that_are_no_files(spheres, tmp_path):
+    for path in (tmp_path, tmp_path / "none" / "no.npy"):
+        with pytest.raises(SettingError, match=r"expected an \.npy file of origins: ") as caught:
+            spheres.cast_rays(path, path)
+        assert str(caught.value).startswith(f"{path}: ")
 
 
 def test_no_rays(spheres):
