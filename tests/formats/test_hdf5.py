@@ -217,7 +217,7 @@ def test_points_that_are_not_finite(file, bad, small_blocks, caplog):
 def test_a_file_cut_anywhere(file, layout, libver):
     write(file, snapshot(), layout, libver)
     data = file.read_bytes()
-    for size in range(0, len(data), max(1, len(data) // 60)):
+    for size in range(0, len(data), max(1, len(data) // 40)):
         file.write_bytes(data[:size])
         failure(file, radius=1, color_by="Masses")
 
@@ -227,7 +227,7 @@ def test_a_file_cut_anywhere(file, layout, libver):
     st.sampled_from(["contiguous", "gzip"]),
     st.sampled_from([None, "latest"]),
 )
-@settings(max_examples=80)
+@settings(max_examples=50)
 def test_flipped_bytes(tmp_path_factory, flips, layout, libver):
     path = tmp_path_factory.mktemp("h5") / "a.h5"
     write(path, snapshot(names=["a", "bc"]), layout, libver)
