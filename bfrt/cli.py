@@ -198,13 +198,13 @@ def number_or_name(text: str) -> float | str:
 #: Settings of `convert` that the command line names as it does.
 READING = (
     "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate", "memory", "scratch",
+    "triangulate",
 )  # fmt: skip
 
 
 def reading_of(options: argparse.Namespace) -> dict[str, Any]:
     """What was asked of the reader."""
-    given = {name: getattr(options, name) for name in READING}
+    given = {name: getattr(options, name) for name in (*READING, "memory", "scratch")}
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -396,7 +396,7 @@ def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
 def opened(options: argparse.Namespace) -> Iterator[Store]:
     """The store to render: as given, or converted in the scratch folder and removed after."""
     if is_store(options.input):
-        for name in READING[:-2]:
+        for name in READING:
             asked = getattr(options, name)
             if asked is not None and asked is not False:
                 flag = name.replace("_", "-")

@@ -24,11 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError, SceneError, SettingError
-from bfrt.formats.colors import Painter
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.outlet import Outlet
 from bfrt.formats.points import BLOCK, PointBlock, write_points
-from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.reading import PAINTED, POINTS, RGB, Reading
 from bfrt.formats.source import printable
 
 #: Names that positions go by.
@@ -93,26 +92,22 @@ def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
     elif reading.positions is None and "triangles" in arrays:
         write_triangles(arrays, outlet)
     else:
-        reading.refuse_all_but(
-            file, "positions", "radius", "color_by", "colormap", "color_range", "skip_invalid"
-        )
+        reading.refuse_all_but(file, "positions", *POINTS)
         write_points(ArrayPoints(file, arrays, reading), outlet)
 
 
 def write_triangles(arrays: Arrays, outlet: Outlet) -> None:
     """Triangles as they are, painted by a column of as many."""
     reading, triangles = outlet.reading, arrays["triangles"]
-    reading.refuse_all_but(outlet.name, "color_by", "colormap", "color_range", "skip_invalid")
+    reading.refuse_all_but(outlet.name, *PAINTED)
     if triangles.shape[1:] not in ((3, 3), (9,)):
         raise wrong(triangles, "(n, 3, 3) or (n, 9)")
     column = painting(arrays, reading, outlet.name, "triangles", triangles.shape[0])
-    painter = None
     if column is not None:
-        painter = Painter(outlet.sink, reading, numbers(column), outlet.name)
+        outlet.paint_by(numbers(column))
     dtype = floats(triangles)
     for block, values in together(triangles, column):
-        materials = None if painter is None or values is None else painter.paint(values)
-        outlet.triangles(block.reshape(len(block), 9).astype(dtype, copy=False), materials)
+        outlet.triangles(block.reshape(len(block), 9).astype(dtype, copy=False), values)
 
 
 class ArrayPoints:

@@ -12,10 +12,8 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.formats.laz import asking, backend_for, check_records
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.points import BLOCK, PointBlock, write_points
-from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, printable
-
-COLORS = ("red", "green", "blue")
 
 #: What full color is: the standard wants 16 bits.
 FULL = 65535.0
@@ -28,9 +26,7 @@ class Scan:
         self.name = source.name
         self._source = source
         self._laspy = laspy
-        self._asked: tuple[str, ...] = ()
-        if reading.color_by is not None:
-            self._asked = COLORS if reading.color_by == RGB else (reading.color_by,)
+        self._asked = reading.columns
         self._radius = (reading.radius,) if isinstance(reading.radius, str) else ()
         self.painted = bool(self._asked)
         with self._opened() as file:
@@ -98,7 +94,7 @@ def read_las(path: str, sink: SceneSink, reading: Reading, report: Report | None
     StreamError
         If the system refuses to read it.
     """
-    reading.refuse_all_but(path, "radius", "color_by", "colormap", "color_range", "skip_invalid")
+    reading.refuse_all_but(path, *POINTS)
     try:
         import laspy
         import lazrs  # noqa: F401

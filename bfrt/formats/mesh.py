@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from bfrt.budget import BASELINE, format_memory
 from bfrt.errors import BudgetError, SceneError
-from bfrt.formats.colors import Painter
 from bfrt.formats.outlet import Outlet, cast
+from bfrt.formats.reading import PAINTED
 from bfrt.streams.spool import Spool
 
 #: Vertices of a queue that are looked up at once.
@@ -104,21 +104,15 @@ class Mesh(Protocol):
 def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
     """All faces, painted by their own numbers or by the mean of their vertices'."""
     reading = outlet.reading
-    reading.refuse_all_but(
-        mesh.name, "color_by", "colormap", "color_range", "skip_invalid", "triangulate"
-    )
-    painter = None
+    reading.refuse_all_but(mesh.name, *PAINTED, "triangulate")
     if mesh.painted:
-        painter = Painter(outlet.sink, reading, mesh.numbers(), mesh.name)
+        outlet.paint_by(mesh.numbers())
     for corners, faces in joined(mesh, reading.memory, reading.scratch):
-        materials = faces.materials
-        if painter is not None:
-            values = faces.values
-            if values is None:
-                values = means(corners[:, 3:], faces.counts)
-            materials = painter.paint(values)
+        values = faces.values
+        if values is None and mesh.painted:
+            values = means(corners[:, 3:], faces.counts)
         positions = cast(corners[:, :3], mesh.coordinates)
-        outlet.faces(positions, faces.counts, materials)
+        outlet.faces(positions, faces.counts, values, faces.materials)
 
 
 def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
+from bfrt.formats.colors import Painter
 from bfrt.formats.reading import Reading
 from bfrt.records import Kind
 from bfrt.scene.model import Camera, Light, Material, Vector
@@ -95,25 +97,36 @@ class Outlet:
         self.dropped = 0
         self._objects = 0
         self._plain: int | None = None
+        self._painter: Painter | None = None
+
+    def paint_by(self, numbers: Iterable[NDArray[Any]]) -> None:
+        """Have objects painted by the values they come with: numbers (n,) or colors (n, 3).
+
+        Parameters
+        ----------
+        numbers : iterable of ndarray
+            All of them, to find their range; not looked at where that is given, or for colors.
+        """
+        self._painter = Painter(self.sink, self.reading, numbers, self.name)
 
     def spheres(
         self,
         centers: NDArray[Any],
         radii: NDArray[Any],
-        materials: NDArray[np.uint32] | None,
+        values: NDArray[Any] | None = None,
     ) -> None:
         """Add points (n, 3) as spheres of radii (n,)."""
         records = np.hstack([centers, cast(radii[:, None], centers.dtype)])
-        self._append(Kind.SPHERE, "point", records, materials)
+        self._append(Kind.SPHERE, "point", records, values)
 
-    def triangles(self, records: NDArray[Any], materials: NDArray[np.uint32] | None) -> None:
+    def triangles(self, records: NDArray[Any], values: NDArray[Any] | None = None) -> None:
         """Add triangles (n, 9)."""
-        self._append(Kind.TRIANGLE, "triangle", records, materials)
+        self._append(Kind.TRIANGLE, "triangle", records, values)
 
     def _append(
-        self, kind: Kind, what: str, records: NDArray[Any], materials: NDArray[np.uint32] | None
+        self, kind: Kind, what: str, records: NDArray[Any], values: NDArray[Any] | None
     ) -> None:
-        materials = self._painted(materials, len(records))
+        materials = self._painted(values, len(records))
         if not all_finite(records):
             good = self._accept(finite(records), what, records)
             records, materials = records[good], materials[good]
@@ -125,10 +138,12 @@ class Outlet:
         self,
         corners: NDArray[Any],
         counts: NDArray[Any],
-        materials: NDArray[np.uint32] | None,
+        values: NDArray[Any] | None = None,
+        own: NDArray[np.uint32] | None = None,
     ) -> None:
-        """Add faces: the corners of all (m, 3), and how many each has (n,)."""
-        materials = self._painted(materials, len(counts))
+        """Add faces: the corners of all (m, 3), how many each has (n,), and the materials (n,) of
+        those that are not painted."""
+        materials = self._painted(values, len(counts), own)
         if not all_finite(corners) or counts.min(initial=3) < 3:
             good = all_of_each(finite(corners), counts) & (counts >= 3)
             good = self._accept(good, "face", corners, counts)
@@ -145,9 +160,14 @@ class Outlet:
         else:
             self.sink.append_polygons(corners, counts.astype(np.int64), materials)
 
-    def _painted(self, materials: NDArray[np.uint32] | None, n: int) -> NDArray[np.uint32]:
-        if materials is not None:
-            return materials
+    def _painted(
+        self, values: NDArray[Any] | None, n: int, own: NDArray[np.uint32] | None = None
+    ) -> NDArray[np.uint32]:
+        """The materials of objects: by their values, their own, or a plain one."""
+        if self._painter is not None and values is not None:
+            return self._painter.paint(values)
+        if own is not None:
+            return own
         if self._plain is None:
             self._plain = self.sink.material(Material())
         return np.full(n, self._plain, np.uint32)
@@ -176,12 +196,9 @@ class Outlet:
                 row = numbers[start : start + int(counts[bad])]
                 if len(row):  # as far as a corner that is not finite is shown
                     row = row[max(int(np.argmin(finite(row))) - 2, 0) :]
+            expected = "numbers" if counts is None else "coordinates of three corners or more"
             raise SceneError(
-                f"{self.name}: {what} {first + bad}: found {told(row)}, "
-                "expected finite coordinates of three corners or more"
-                if counts is not None
-                else f"{self.name}: {what} {first + bad}: found {told(row)}, "
-                "expected finite numbers"
+                f"{self.name}: {what} {first + bad}: found {told(row)}, expected finite {expected}"
             )
         self.dropped += int(len(good) - good.sum())
         return good

@@ -24,7 +24,7 @@ from bfrt.formats._ply import MOST_CORNERS, MOST_PROPERTIES, Fault, Rows
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.outlet import Outlet, SceneSink, cast
 from bfrt.formats.points import PointBlock, write_points
-from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.reading import COLORS, POINTS, Reading
 from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown
 
 #: Types of values by both of their names, in the order of _ply's.
@@ -43,7 +43,6 @@ NARROW = (0, 1, 2, 3, 6)
 FULL = {1: 255.0, 3: 65535.0}
 
 CORNERS = ("vertex_indices", "vertex_index")
-COLORS = ("red", "green", "blue")
 POSITION = ("x", "y", "z")
 
 #: Bytes of a header, and rows of one size that are read at once.
@@ -325,7 +324,7 @@ class PlyMesh:
         self.vertices = vertex.rows
         self._vertex = vertex
         self._faces = faces
-        asked = painted_by(reading)
+        asked = reading.columns
         self.painted = bool(asked)
         of_vertices = all(vertex.find(name) for name in asked)
         self._of_vertex = asked if of_vertices else ()
@@ -362,7 +361,7 @@ class PlyPoints:
         self.ply = ply
         self.name = ply.name
         self._vertex = vertex
-        self._asked = painted_by(reading)
+        self._asked = reading.columns
         self.painted = bool(self._asked)
         radius = reading.radius
         if radius is None and vertex.find("radius"):
@@ -385,13 +384,6 @@ class PlyPoints:
 
     def numbers(self) -> Iterator[NDArray[Any]]:
         return (block[:, 0] for block in self.ply.columns(self._vertex, self._asked))
-
-
-def painted_by(reading: Reading) -> tuple[str, ...]:
-    """The columns that colors are made of."""
-    if reading.color_by is None:
-        return ()
-    return COLORS if reading.color_by == RGB else (reading.color_by,)
 
 
 def missing(ply: Ply, names: Sequence[str], where: str) -> SettingError:
@@ -447,9 +439,7 @@ def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None
         if faces:
             write_mesh(PlyMesh(ply, vertex, faces, reading), outlet)
         else:
-            reading.refuse_all_but(
-                path, "radius", "color_by", "colormap", "color_range", "skip_invalid"
-            )
+            reading.refuse_all_but(path, *POINTS)
             write_points(PlyPoints(ply, vertex, reading), outlet)
         ply.check_end()
         outlet.report()

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.formats.colors import Painter
 from bfrt.formats.outlet import Outlet
 
 #: Points that are read at once.
@@ -66,9 +65,8 @@ def write_points(points: Points, outlet: Outlet) -> None:
     """
     reading = outlet.reading
     radius = None if isinstance(reading.radius, str) else reading.radius
-    painter = None
     if points.painted:
-        painter = Painter(outlet.sink, reading, points.numbers(), points.name)
+        outlet.paint_by(points.numbers())
     for centers, radii, values in points.blocks():
         if radii is None:
             if radius is None:
@@ -76,5 +74,4 @@ def write_points(points: Points, outlet: Outlet) -> None:
                     f"{points.name}: found points without a radius, expected radius="
                 )
             radii = np.full(len(centers), float(radius))
-        materials = None if painter is None or values is None else painter.paint(values)
-        outlet.spheres(centers, radii, materials)
+        outlet.spheres(centers, radii, values)

@@ -12,6 +12,13 @@ from bfrt.errors import SettingError
 #: `color_by` of colors that a file has itself, not of numbers that a map makes colors of.
 RGB = "rgb"
 
+#: The columns that such colors are in, of formats that have columns.
+COLORS = ("red", "green", "blue")
+
+#: Settings that whatever may be painted knows, and those of points.
+PAINTED = ("color_by", "colormap", "color_range", "skip_invalid")
+POINTS = ("radius", *PAINTED)
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -69,6 +76,13 @@ class Reading:
                 f"color_range: found {self.color_range!r}, expected two finite numbers, "
                 "the lesser first"
             )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns that colors are made of."""
+        if self.color_by is None:
+            return ()
+        return COLORS if self.color_by == RGB else (self.color_by,)
 
     def refuse_all_but(self, name: str, *known: str) -> None:
         """Refuse the settings that a format has no use for.

@@ -44,7 +44,7 @@ def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None
     with Source(path, report) as source:
         outlet = Outlet(sink, path, reading)
         for block in facets_of(source):
-            outlet.triangles(block, None)
+            outlet.triangles(block)
         outlet.report()
 
 
