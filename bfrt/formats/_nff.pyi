@@ -3,6 +3,7 @@ import enum
 import numpy as np
 import numpy.typing as npt
 
+from bfrt.formats.text import Tokens
 from bfrt.records import Kind
 
 MAX_TOKEN: int
@@ -54,7 +55,7 @@ class Entity(enum.IntEnum):
     PATCH_COUNT = 16
     PATCH_VERTEX = 17
 
-class Parser:
+class Parser(Tokens):
     have: int
     entity: int
     vertex: int
@@ -77,7 +78,3 @@ class Parser:
     def view(self) -> tuple[float, ...]: ...
     @property
     def awaits_number(self) -> bool: ...
-    @property
-    def line(self) -> int: ...
-    @property
-    def token(self) -> bytes: ...

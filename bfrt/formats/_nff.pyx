@@ -21,9 +21,9 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memcmp, memcpy, memmove
 
 from bfrt.formats.text cimport (
-    ENDLESS, FOUND, MINUS, NEWLINE, NO_FINITE, NO_INTEGER, NO_NUMBER, NOT_ASCII, NUL, PLUS,
-    POINT, RETURN, SPACE, STARVED, TOKEN_BYTES, Text, consume, find_token, measure, pass_blanks,
-    read_integer, read_number,
+    ENDLESS, FOUND, MINUS, NEWLINE, NOT_ASCII, NO_FINITE, NO_INTEGER, NO_NUMBER, NUL, PLUS,
+    POINT, RETURN, SPACE, STARVED, TOKEN_BYTES, Text, Tokens, consume, find_token, measure,
+    pass_blanks, read_integer, read_number,
 )
 
 import numpy as np
@@ -115,7 +115,7 @@ cdef struct Block:
 
 
 @cython.final
-cdef class Parser:
+cdef class Parser(Tokens):
     """NFF text in, events and blocks of records out.
 
     Parameters
@@ -126,7 +126,6 @@ cdef class Parser:
         Objects of a kind in a block.
     """
 
-    cdef Text text
     cdef Block blocks[KINDS]
     cdef int64_t *polygon_counts
     cdef Py_ssize_t vertices  # in the polygon block, those of an unfinished polygon too
@@ -173,8 +172,7 @@ cdef class Parser:
         self._own_blocks()
         self.need = 0
         self.floor = -INFINITY
-        self.text.line = 1
-        self.text.ended = self.text.comment = False
+        self.text.ended = False
         self.in_view = self.in_light = self.painted = self.viewed = False
         self.seen = 0
         self.vertex = self.promised = self.vertices = self.paints = 0
@@ -291,16 +289,6 @@ cdef class Parser:
     def awaits_number(self):
         """Whether a number of `entity` is due, `have` of which are there, or else a keyword."""
         return self.need > 0
-
-    @property
-    def line(self):
-        """The line of the last token."""
-        return self.text.line
-
-    @property
-    def token(self):
-        """The last token, empty at the end of the file."""
-        return self.text.token[:self.text.length]
 
     def _grow(self):
         """Double the room for vertices: only data that are there make it grow."""

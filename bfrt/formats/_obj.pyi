@@ -3,6 +3,8 @@ import enum
 import numpy as np
 import numpy.typing as npt
 
+from bfrt.formats.text import Tokens
+
 MOST_CORNERS: int
 
 class Fault(enum.IntEnum):
@@ -17,17 +19,13 @@ class Statement(enum.IntEnum):
     MATERIAL = 0
     LIBRARY = 1
 
-class Lines:
+class Lines(Tokens):
     vertices: int
     faces: int
     colored: int
     unknown: int
     fault: int
     def __init__(self, of_faces: bool) -> None: ...
-    @property
-    def line(self) -> int: ...
-    @property
-    def token(self) -> bytes: ...
     def parse(
         self, chunk: npt.NDArray[np.uint8]
     ) -> tuple[

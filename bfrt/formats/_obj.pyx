@@ -7,7 +7,7 @@ cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.formats.text cimport (
-    FOUND, HASH, MINUS, NEWLINE, NUL, PLUS, RETURN, SPACE, Text, consume, is_blank, measure,
+    FOUND, HASH, MINUS, NEWLINE, NUL, PLUS, RETURN, SPACE, Tokens, consume, is_blank, measure,
     pass_blanks, read_any_number,
 )
 
@@ -46,7 +46,7 @@ cdef inline bint is_end(unsigned char byte) noexcept nogil:
 
 
 @cython.final
-cdef class Lines:
+cdef class Lines(Tokens):
     """Take lines apart.
 
     Parameters
@@ -70,7 +70,6 @@ cdef class Lines:
     cdef readonly int64_t unknown
     cdef readonly int fault
     cdef bint of_faces
-    cdef Text text
     cdef double *out_vertices
     cdef int64_t *out_corners
     cdef uint32_t *out_counts
@@ -83,19 +82,6 @@ cdef class Lines:
         self.of_faces = of_faces
         self.vertices = self.faces = self.colored = self.unknown = 0
         self.fault = 0
-        self.text.line = 1
-        self.text.ended = True
-        self.text.comment = False
-
-    @property
-    def line(self):
-        """The line of the last token."""
-        return self.text.line
-
-    @property
-    def token(self):
-        """The last token."""
-        return self.text.token[:self.text.length]
 
     def parse(self, const unsigned char[::1] chunk not None):
         """Read whole lines, with a byte before and a NUL behind.
@@ -124,9 +110,7 @@ cdef class Lines:
         self.out_counts = &counts[0]
         self.rows = self.corners = self.counts = 0
         self.statements = []
-        self.text.at = self.text.token = <unsigned char *>&chunk[1]
-        self.text.end = <unsigned char *>&chunk[size - 1]
-        self.text.length = 0
+        self.take_chunk(chunk)
         with nogil:
             self.run()
         return (

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bfrt.formats.text import Tokens
+
 MOST_PROPERTIES: int
 MOST_CORNERS: int
 
@@ -14,7 +16,7 @@ class Fault(enum.IntEnum):
     NO_INDEX = 3
     LONG_FACE = 4
 
-class Rows:
+class Rows(Tokens):
     row: int
     fault: int
     found: float
@@ -31,10 +33,6 @@ class Rows:
     ) -> None: ...
     @property
     def done(self) -> bool: ...
-    @property
-    def line(self) -> int: ...
-    @property
-    def token(self) -> bytes: ...
     def parse(
         self, chunk: npt.NDArray[np.uint8]
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32], npt.NDArray[Any], int]: ...

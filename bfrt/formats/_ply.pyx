@@ -11,7 +11,7 @@ from libc.math cimport floor
 from libc.stdint cimport int8_t, int16_t, int32_t, int64_t, uint16_t, uint32_t
 from libc.string cimport memcpy
 
-from bfrt.formats.text cimport FOUND, Text, find_token, pass_blanks, read_any_number
+from bfrt.formats.text cimport FOUND, Tokens, find_token, read_any_number
 
 import numpy as np
 
@@ -80,7 +80,7 @@ cdef inline double value_of(const unsigned char *at, int kind, bint swapped) noe
 
 
 @cython.final
-cdef class Rows:
+cdef class Rows(Tokens):
     """Take an element's rows apart.
 
     Parameters
@@ -125,7 +125,6 @@ cdef class Rows:
     cdef int64_t second
     cdef int64_t turn
     cdef double values[MOST]
-    cdef Text text
     cdef const unsigned char *at
     cdef const unsigned char *end
 
@@ -153,23 +152,11 @@ cdef class Rows:
         self.left = -1
         self.have = self.turn = 0
         self.text.line = line
-        self.text.ended = True
-        self.text.comment = False
         self.pending = np.empty(0, np.int64)
 
     @property
     def done(self):
         return self.row == self.rows
-
-    @property
-    def line(self):
-        """The line of the last token."""
-        return self.text.line
-
-    @property
-    def token(self):
-        """The last token of text."""
-        return self.text.token[:self.text.length]
 
     def parse(self, const unsigned char[::1] chunk not None):
         """Read on.
@@ -205,11 +192,7 @@ cdef class Rows:
         self.out_items, self.out_counts, self.out_values = &items[0], &counts[0], &values[0, 0]
         self.items, self.faces = before, 0
         if self.text_form:
-            self.text.at = self.text.token = <unsigned char *>&chunk[1]
-            self.text.length = 0
-            self.text.end = <unsigned char *>&chunk[size - 1]
-            if self.text.comment:
-                pass_blanks(&self.text)
+            self.take_chunk(chunk)
         elif size:
             self.at, self.end = &chunk[0], &chunk[0] + size
         else:

@@ -1,14 +1,12 @@
 import numpy as np
 import numpy.typing as npt
 
-class Facets:
+from bfrt.formats.text import Tokens
+
+class Facets(Tokens):
     failed: bool
     @property
     def complete(self) -> bool: ...
-    @property
-    def line(self) -> int: ...
-    @property
-    def token(self) -> bytes: ...
     @property
     def expected(self) -> str: ...
     def parse(self, chunk: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]: ...

@@ -4,7 +4,7 @@ cimport cython
 from libc.string cimport memcpy, strlen
 
 from bfrt.formats.text cimport (
-    FOUND, Text, consume, find_token, measure, pass_blanks, read_any_number,
+    FOUND, Tokens, consume, find_token, measure, pass_blanks, read_any_number,
 )
 
 import numpy as np
@@ -24,7 +24,7 @@ cdef int FIRST_VERTEX = 7  # step from which on numbers are kept
 
 
 @cython.final
-cdef class Facets:
+cdef class Facets(Tokens):
     """Take the text of solids apart.
 
     Attributes
@@ -37,29 +37,15 @@ cdef class Facets:
     cdef int step
     cdef int have
     cdef double values[9]
-    cdef Text text
 
     def __init__(self):
         self.failed = False
         self.step = self.have = 0
-        self.text.line = 1
-        self.text.ended = True
-        self.text.comment = False
 
     @property
     def complete(self):
         """Whether the text may end here."""
         return self.step == 0
-
-    @property
-    def line(self):
-        """The line of the last token."""
-        return self.text.line
-
-    @property
-    def token(self):
-        """The last token."""
-        return self.text.token[:self.text.length]
 
     @property
     def expected(self):
@@ -81,11 +67,7 @@ cdef class Facets:
         # A facet's tokens take more bytes than there are tokens.
         owner = np.empty((size // STEPS + 1, 9))
         out = owner
-        self.text.at = self.text.token = <unsigned char *>&chunk[1]
-        self.text.end = <unsigned char *>&chunk[size - 1]
-        self.text.length = 0
-        if self.text.comment:
-            pass_blanks(&self.text)
+        self.take_chunk(chunk)
         cdef Py_ssize_t count
         with nogil:
             count = self.run(&out[0, 0])

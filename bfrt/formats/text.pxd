@@ -59,6 +59,11 @@ cdef struct Text:
     bint comment  # the chunk ended inside a comment
 
 
+cdef class Tokens:
+    cdef Text text
+    cdef void take_chunk(self, const unsigned char[::1] chunk)
+
+
 cdef inline bint is_blank(unsigned char byte) noexcept nogil:
     return byte == SPACE or 9 <= byte <= 13
 
