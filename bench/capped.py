@@ -15,8 +15,8 @@ from pathlib import Path
 V1 = Path("/sys/fs/cgroup/memory")
 V2 = Path("/sys/fs/cgroup")
 
-#: Exit status of what the kernel kills.
-KILLED = -9
+#: The paper's memory, and the suite's.
+CAP = 256 << 20
 
 
 def drop(path: Path) -> None:
@@ -34,21 +34,14 @@ def drop(path: Path) -> None:
                 os.close(descriptor)
 
 
-def cgroup_of(root: Path) -> tuple[Path, str]:
-    """Where a cgroup of ours would be, and the file of its limit."""
-    return root / f"bfrt-bench-{os.getpid()}", (
-        "memory.limit_in_bytes" if root == V1 else "memory.max"
-    )
-
-
 @contextmanager
 def memory_cap(amount: int) -> Iterator[Path | None]:
     """A memory cgroup of `amount` bytes: its folder; None where none can be made.
 
     It takes root, and cgroups of version 1 or 2.
     """
-    root = V1 if V1.is_dir() else V2
-    group, limit = cgroup_of(root)
+    root, limit = (V1, "memory.limit_in_bytes") if V1.is_dir() else (V2, "memory.max")
+    group = root / f"bfrt-{os.getpid()}"
     try:
         if root == V2:
             (V2 / "cgroup.subtree_control").write_text("+memory")
@@ -99,10 +92,13 @@ def run_capped(arguments: list[str], amount: int) -> tuple[int, int]:
         command = [sys.executable, *arguments]
         if group is None:
             script = 'ulimit -d "$0" && exec "$@"'
-            status = subprocess.run(
-                ["sh", "-c", script, str(amount >> 10), *command], check=False
-            ).returncode
+            capped = ["sh", "-c", script, str(amount >> 10), *command]
+            status = subprocess.run(capped, check=False).returncode
             return status, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
-        script = 'echo $$ >"$0/cgroup.procs" && exec "$@"'
-        status = subprocess.run(["sh", "-c", script, str(group), *command], check=False).returncode
+        status = subprocess.run(inside(group, command), check=False).returncode
         return status, peak_of(group)
+
+
+def inside(group: Path, command: list[str]) -> list[str]:
+    """The command that runs another inside a cgroup."""
+    return ["sh", "-c", 'echo $$ >"$0/cgroup.procs" && exec "$@"', str(group), *command]

@@ -53,14 +53,14 @@ def render(store: str, **settings: Any) -> Facts:
     return {"digest": digest(image.channels), **counted(image.stats)}
 
 
-def cast(store: str, rays: int, what: str, **settings: Any) -> Facts:
+def cast(store: str, rays: int, query: str, **settings: Any) -> Facts:
     """Random rays between points of the scene's bounds."""
     scene = bfrt.open(store)
     random = np.random.default_rng(1)
     lo, hi = scene.bounds.lo, scene.bounds.hi
     origins = random.uniform(lo, hi, (rays, 3))
     directions = random.uniform(lo, hi, (rays, 3)) - origins
-    answer = getattr(scene, what)(origins, directions, **settings)
+    answer = getattr(scene, query)(origins, directions, **settings)
     arrays = {key: value for key, value in answer.items() if isinstance(value, np.ndarray)}
     return {"digest": digest(arrays), **counted(answer.stats)}
 

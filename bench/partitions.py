@@ -22,13 +22,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from capped import drop, run_capped
+from capped import CAP, drop, run_capped
 from stores import made
 
 import bfrt
 from bfrt import rendering
-
-CAP = 256 << 20
 
 #: The grid of the paper's table 2: 128 voxels an axis, in upper voxels of so many a side.
 SIDE = 128

@@ -22,12 +22,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from capped import drop, run_capped
+from capped import CAP, drop, run_capped
 from stores import made
 
 import bfrt
 
-CAP = 256 << 20
 REFINEMENTS = ("base", "sg", "sgb")
 HEAD = (
     "scene    size    objects  create s   base s     sg s    sgb s    sg   sgb  paper: sg   sgb"

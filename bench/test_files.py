@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import CAP
+from capped import CAP
 from data import particles, terrain
 
 import bfrt

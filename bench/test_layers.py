@@ -13,6 +13,7 @@ import pytest
 import bfrt
 from bfrt.formats.nff import read_nff
 from bfrt.geometry.lattice import Lattice
+from bfrt.phases.picking import by_object
 from bfrt.records import HIT, SCALARS, Kind
 from bfrt.reference._kernels import meet, spans
 from bfrt.scene.columns import prepare
@@ -116,8 +117,6 @@ def test_hierarchy(benchmark: Any, tmp_path: Path) -> None:
 
 @pytest.mark.benchmark(group="a million hits sorted by object")
 def test_sort(benchmark: Any, tmp_path: Path) -> None:
-    from bfrt.phases.picking import by_object
-
     hits = np.zeros(1_000_000, HIT)
     hits["id"] = np.random.default_rng(5).integers(0, 1 << 40, len(hits))
 

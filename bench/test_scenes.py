@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import CAP, SIZES
+from capped import CAP
+from profiles import SIZES
 
 import bfrt
 
@@ -53,4 +54,4 @@ def test_render_again(case: Case, standard: Callable[[str], Path], name: str) ->
 def test_query(case: Case, standard: Callable[[str], Path], name: str, what: str) -> None:
     """A hundred thousand rays between random points."""
     store = standard(name)
-    case("cast", [store], store=str(store), rays=100_000, what=what, memory=CAP)
+    case("cast", [store], store=str(store), rays=100_000, query=what, memory=CAP)

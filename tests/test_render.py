@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from memory_cap import memory_cap, run_in
+from capped import memory_cap
+from memory_cap import run_in
 
 import bfrt
 from bfrt.budget import format_memory
