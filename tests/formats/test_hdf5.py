@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import errno
-import io
 import itertools
-import os
 import sys
 
 import numpy as np
 import pytest
+from failing import alone, refuse_reads
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import convert, expected, failure, objects_of, outcome, shapes_of
 
 from bfrt.errors import SettingError, StreamError
 from bfrt.formats import arrays as arrays_module
-from bfrt.formats import source as source_module
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: bfrt[hdf5]")
 
@@ -269,31 +267,12 @@ def test_what_is_no_hdf5(file):
 # --- the system ----------------------------------------------------------------------------------
 
 
-class Broken(io.FileIO):
-    """A file whose later reads the system refuses."""
-
-    reads = 0
-
-    def readinto(self, buffer):
-        Broken.reads -= 1
-        if Broken.reads < 0:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return super().readinto(buffer)
-
-
 @pytest.mark.parametrize("layout", ["contiguous", "gzip"])
 def test_a_read_that_is_refused(file, layout, monkeypatch):
     write(file, snapshot(), layout)
-    monkeypatch.setattr(source_module.io, "FileIO", Broken)
-    for reads in itertools.count():
-        Broken.reads = reads
-        try:
-            convert(file, radius=1, color_by="Masses")
-            break
-        except StreamError as error:
-            assert error.errno == errno.EIO
-            assert str(error).startswith(f"{file}: reading at byte ")
-        assert [path.name for path in file.parent.iterdir()] == [file.name]
+    reads = refuse_reads(
+        monkeypatch, file, lambda: convert(file, radius=1, color_by="Masses"), lambda: alone(file)
+    )
     assert reads > 10
 
 

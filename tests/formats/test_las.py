@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import errno
-import io
-import itertools
-import os
 import struct
 import sys
 import time
 
 import numpy as np
 import pytest
+from failing import alone, refuse_reads
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import convert, failure, objects_of, outcome, shapes_of
@@ -19,7 +17,6 @@ from meshes import convert, failure, objects_of, outcome, shapes_of
 from bfrt.errors import BfrtError, SceneError, SettingError, ShortReadError, StreamError
 from bfrt.formats import las as las_module
 from bfrt.formats import laz as laz_module
-from bfrt.formats import source as source_module
 from bfrt.formats.laz import asking
 from bfrt.formats.source import Source
 
@@ -330,30 +327,14 @@ def test_a_panic_is_an_error_and_an_interrupt_is_not(file):
 # --- the system ----------------------------------------------------------------------------------
 
 
-class Broken(io.FileIO):
-    """A file whose later reads the system refuses."""
-
-    reads = 0
-
-    def readinto(self, buffer):
-        Broken.reads -= 1
-        if Broken.reads < 0:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return super().readinto(buffer)
-
-
 def test_a_read_that_is_refused(file, small_blocks, monkeypatch):
     write(file)
-    monkeypatch.setattr(source_module.io, "FileIO", Broken)
-    for reads in itertools.count():
-        Broken.reads = reads
-        try:
-            convert(file, radius=1, color_by="intensity")
-            break
-        except StreamError as error:
-            assert error.errno == errno.EIO
-            assert str(error).startswith(f"{file}: reading at byte ")
-        assert [path.name for path in file.parent.iterdir()] == [file.name]
+    reads = refuse_reads(
+        monkeypatch,
+        file,
+        lambda: convert(file, radius=1, color_by="intensity"),
+        lambda: alone(file),
+    )
     assert reads > 5
 
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 import errno
 import io
 import itertools
-import os
 import time
 import tracemalloc
 import zipfile
 
 import numpy as np
 import pytest
+from failing import alone, refuse_reads, refuse_writes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import convert, expected, failure, objects_of, outcome, shapes_of
 
-from bfrt.errors import DiskFullError, SceneError, SettingError, ShortReadError, StreamError
+from bfrt.errors import SceneError, SettingError, ShortReadError, StreamError
 from bfrt.formats import arrays as arrays_module
-from bfrt.formats import source as source_module
 from bfrt.records import Kind
 
 RNG = np.random.default_rng(5)
@@ -623,18 +622,6 @@ def test_a_broken_array_that_nobody_needs(npz):
 # --- the system ----------------------------------------------------------------------------------
 
 
-class Broken(io.FileIO):
-    """A file whose later reads the system refuses."""
-
-    reads = 0
-
-    def readinto(self, buffer):
-        Broken.reads -= 1
-        if Broken.reads < 0:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return super().readinto(buffer)
-
-
 @pytest.mark.parametrize("suffix", [".npy", ".npz", "compressed.npz"])
 def test_a_read_that_is_refused(tmp_path, suffix, small_blocks, monkeypatch):
     path = tmp_path / f"a{suffix}"
@@ -643,16 +630,9 @@ def test_a_read_that_is_refused(tmp_path, suffix, small_blocks, monkeypatch):
     else:
         save = np.savez if suffix == ".npz" else np.savez_compressed
         save(path, centers=CENTERS, radii=RADII, mass=MASS)
-    monkeypatch.setattr(source_module.io, "FileIO", Broken)
-    for reads in itertools.count():
-        Broken.reads = reads
-        try:
-            convert(path, color_by="mass")
-            break
-        except StreamError as error:
-            assert error.errno == errno.EIO
-            assert str(error).startswith(f"{path}: reading at byte ")
-        assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    reads = refuse_reads(
+        monkeypatch, path, lambda: convert(path, color_by="mass"), lambda: alone(path)
+    )
     assert reads > 5
 
 
@@ -670,23 +650,7 @@ def test_no_such_file(tmp_path, suffix):
 
 def test_a_full_disk_at_any_write(npz, monkeypatch):
     np.savez(npz, centers=CENTERS, radii=RADII, mass=MASS)
-    write = os.write
-    for refused in itertools.count():
-        calls = itertools.count()
-
-        def full(*arguments, calls=calls, refused=refused):
-            if next(calls) == refused:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return write(*arguments)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(os, "write", full)
-            try:
-                convert(npz, color_by="mass")
-                break
-            except DiskFullError as error:
-                assert "writing at byte" in str(error)
-        assert [path.name for path in npz.parent.iterdir()] == [npz.name]
+    refused = refuse_writes(monkeypatch, lambda: convert(npz, color_by="mass"), lambda: alone(npz))
     assert refused > 3
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import errno
-import io
 import itertools
-import os
 import struct
 import time
 import tracemalloc
 
 import numpy as np
 import pytest
+from failing import alone, refuse_reads, refuse_writes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import (
@@ -25,7 +24,7 @@ from meshes import (
     shapes_of,
 )
 
-from bfrt.errors import DiskFullError, SettingError, StreamError
+from bfrt.errors import SettingError, StreamError
 from bfrt.formats import mesh as mesh_module
 from bfrt.formats import ply as ply_module
 from bfrt.formats import source as source_module
@@ -744,31 +743,10 @@ def test_random_bodies(tmp_path_factory, body, layout):
     outcome(file)
 
 
-class Broken(io.FileIO):
-    """A file whose later reads the system refuses."""
-
-    reads = 0
-
-    def readinto(self, buffer):
-        Broken.reads -= 1
-        if Broken.reads < 0:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return super().readinto(buffer)
-
-
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_read_that_is_refused(file, layout, tiny, monkeypatch):
     file.write_bytes(rich(layout))
-    monkeypatch.setattr(source_module.io, "FileIO", Broken)
-    for reads in itertools.count():
-        Broken.reads = reads
-        try:
-            convert(file)
-            break
-        except StreamError as error:
-            assert error.errno == errno.EIO
-            assert str(error).startswith(f"{file}: reading at byte ")
-        assert [path.name for path in file.parent.iterdir()] == [file.name]
+    reads = refuse_reads(monkeypatch, file, lambda: convert(file), lambda: alone(file))
     assert reads > 5
 
 
@@ -786,23 +764,11 @@ def test_a_full_disk_at_any_write(file, joined, monkeypatch):
     if joined == "on disk":
         monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 50)
         monkeypatch.setattr(mesh_module, "FEWEST", 0)
-    write = os.write
-    for refused in itertools.count():
-        calls = itertools.count()
-
-        def full(*arguments, calls=calls, refused=refused):
-            if next(calls) == refused:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return write(*arguments)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(os, "write", full)
-            try:
-                convert(file, memory=1 << 20 if joined == "on disk" else None)
-                break
-            except DiskFullError as error:
-                assert "writing at byte" in str(error)
-        assert [path.name for path in file.parent.iterdir()] == [file.name]
+    refused = refuse_writes(
+        monkeypatch,
+        lambda: convert(file, memory=1 << 20 if joined == "on disk" else None),
+        lambda: alone(file),
+    )
     assert refused > (8 if joined == "on disk" else 3)
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import errno
-import io
 import itertools
 import os
 import struct
 
 import numpy as np
 import pytest
+from failing import alone, refuse_reads
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import convert, failure, open_files, outcome, shapes_of
 
-from bfrt.errors import SettingError, ShortReadError, StreamError
+from bfrt.errors import SettingError, ShortReadError
 from bfrt.formats import source as source_module
 from bfrt.formats import stl as stl_module
 from bfrt.formats.source import Source
@@ -336,33 +335,16 @@ def test_random_words(tmp_path_factory, words):
     outcome(file)
 
 
-class Broken(io.FileIO):
-    """A file whose later reads the system refuses."""
-
-    reads = 0
-
-    def readinto(self, buffer):
-        Broken.reads -= 1
-        if Broken.reads < 0:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return super().readinto(buffer)
-
-
 @pytest.mark.parametrize("data", [binary(), text()])
 def test_a_read_that_is_refused(file, data, monkeypatch):
     file.write_bytes(data)
-    monkeypatch.setattr(source_module.io, "FileIO", Broken)
     before = open_files()
-    for reads in itertools.count():
-        Broken.reads = reads
-        try:
-            convert(file)
-            break
-        except StreamError as error:
-            assert error.errno == errno.EIO
-            assert str(error).startswith(f"{file}: reading at byte ")
-        assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+    def check():
+        alone(file)
         assert open_files() == before
+
+    reads = refuse_reads(monkeypatch, file, lambda: convert(file), check)
     assert reads >= 2
 
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import errno
-import io
-import itertools
-import os
 import sys
 from dataclasses import replace
 
 import fast
 import numpy as np
 import pytest
-from memory_cap import memory_cap, run_in
+from capped import memory_cap
+from failing import refuse_reads
+from memory_cap import run_in
 from scenes import hard_scenes, random_rays
 
 import bfrt
 from bfrt import rendering
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats import source
 from bfrt.phases.partition import Limits
 from bfrt.queries import answers
 from bfrt.queries import rays as rays_module
@@ -218,33 +215,16 @@ def test_files_of_rays_are_read_by_blocks(spheres, tmp_path, monkeypatch, dtype)
     )
 
 
-class Broken(io.FileIO):
-    """A file whose later reads the system refuses."""
-
-    reads = 0
-
-    def readinto(self, buffer):
-        Broken.reads -= 1
-        if Broken.reads < 0:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return super().readinto(buffer)
-
-
 def test_a_read_of_rays_that_is_refused(spheres, tmp_path, monkeypatch):
     """At the first read, the second, and so on: one error with its place, and no answers."""
     monkeypatch.setattr(rays_module, "BLOCK", 7)
     path, out = tmp_path / "rays.npy", tmp_path / "out"
     np.save(path, np.ones((20, 3)))
-    monkeypatch.setattr(source.io, "FileIO", Broken)
-    for reads in itertools.count():
-        Broken.reads = reads
-        try:
-            spheres.cast_rays(path, path, out=out)
-            break
-        except bfrt.StreamError as error:
-            assert error.errno == errno.EIO
-            assert str(error).startswith(f"{path}: reading at byte ")
+
+    def check():
         assert not out.exists()
+
+    reads = refuse_reads(monkeypatch, path, lambda: spheres.cast_rays(path, path, out=out), check)
     assert reads > 10
 
 
