@@ -42,6 +42,24 @@ class Dataset:
             yield block
 
 
+def _opened(source: Source, h5py: Any) -> Any:
+    """h5py's file that reads a source.
+
+    The list of properties that says how to read has to be closed here. One that an error's frames
+    keep alive is closed by HDF5 at the end of the process, when there is no Python any more for
+    it to tell: a segmentation fault.
+    """
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    try:
+        access.set_fileobj_driver(h5py.h5fd.fileobj_driver, source)
+        name = os.fsencode(source.name)
+        return h5py.File(h5py.h5f.open(name, h5py.h5f.ACC_RDONLY, fapl=access))
+    except Exception as error:  # h5py has them of every kind for files that are broken
+        raise source.failure(error, "an HDF5 file") from error
+    finally:
+        access.close()
+
+
 def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
     """Read an HDF5 file, whose datasets' names tell what they are: `bfrt.formats.arrays`.
 
@@ -59,12 +77,7 @@ def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | Non
     except ImportError:
         raise SettingError(f"{path}: HDF5 needs h5py: install bfrt[hdf5]") from None
     with Source(path) as source:
-        # h5py has errors of every kind for files that are broken.
-        try:
-            file = h5py.File(source, "r")
-        except Exception as error:
-            raise source.failure(error, "an HDF5 file") from error
-        with file:
+        with _opened(source, h5py) as file:
             openers: dict[str, Any] = {}
 
             def keep(given: str | bytes, thing: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import itertools
+import subprocess
 import sys
 
 import numpy as np
@@ -234,6 +235,33 @@ def test_flipped_bytes(tmp_path_factory, flips, layout, libver):
         data[int(place * len(data))] = value
     path.write_bytes(data)
     outcome(path, radius=1, color_by="Masses")
+
+
+ERRORS_THAT_ARE_KEPT = """
+import ctypes
+import sys
+import bfrt
+for path in sys.argv[1:]:
+    try:
+        bfrt.convert(path, path + ".bfrt", radius=1)
+    except bfrt.SceneError as error:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(error))  # for longer than Python is there
+    else:
+        sys.exit("converted")
+"""
+
+
+def test_the_process_ends_well_after_broken_files(tmp_path):
+    """HDF5, which closes what is open then, must have nothing of Python's."""
+    whole = tmp_path / "a.h5"
+    write(whole, snapshot(), "gzip")
+    data = whole.read_bytes()
+    cuts = [tmp_path / f"{size}.h5" for size in (10, 100, 1000, len(data) - 1)]
+    for cut in cuts:
+        cut.write_bytes(data[: int(cut.stem)])
+    child = [sys.executable, "-c", ERRORS_THAT_ARE_KEPT, *map(str, cuts)]
+    ended = subprocess.run(child, capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 def test_a_flipped_byte_of_a_row_that_is_checked(file, small_blocks):
