@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import zipfile
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -25,6 +26,9 @@ from bfrt.formats.source import Report, Source, printable, said
 #: Bytes of a header: NumPy takes no more either.
 HEADER_BYTES = 10_000
 
+#: Columns of an array in Fortran order, each of which is read by a file of its own.
+MOST_COLUMNS = 16
+
 
 class Readable(Protocol):
     """What an array is read from, forwards."""
@@ -32,6 +36,8 @@ class Readable(Protocol):
     def read(self, size: int = ..., /) -> bytes: ...
 
     def readinto(self, buffer: Any, /) -> int: ...
+
+    def seek(self, offset: int, whence: int = ..., /) -> int: ...
 
     def tell(self) -> int: ...
 
@@ -51,7 +57,7 @@ class NpyArray:
     Raises
     ------
     SceneError
-        If they are no array of numbers in C order.
+        If they are no array of numbers in rows.
     StreamError
         If the system refuses to read them.
     """
@@ -60,9 +66,10 @@ class NpyArray:
         self.name = name
         self._open = open_it
         with contextlib.closing(open_it()) as file:
-            self.shape, self.dtype = self._header(file)
+            self.shape, self.dtype, self._columns = self._header(file)
 
-    def _header(self, file: Readable) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    def _header(self, file: Readable) -> tuple[tuple[int, ...], np.dtype[Any], int]:
+        """The array's shape, its dtype, and in how many columns it lies one behind the other."""
         with self._read("NumPy's header of an array"):
             version = np.lib.format.read_magic(file)
             read = np.lib.format.read_array_header_2_0
@@ -75,31 +82,48 @@ class NpyArray:
                 dtype.names = tuple(name.encode("latin1").decode() for name in dtype.names)
         whole = all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in shape)
         plain = not dtype.hasobject and dtype.subdtype is None
-        if not shape or not whole or not plain or (fortran and len(shape) > 1):
+        columns = max(1, math.prod(shape[1:])) if fortran and whole else 1
+        if not shape or not whole or not plain or columns > MOST_COLUMNS:
             order = "Fortran" if fortran else "C"
             raise SceneError(
                 f"{self.name}: found {printable(str(dtype))} of shape {shape} in {order} order, "
-                "expected numbers in rows, in C order"
+                f"expected numbers in rows, in Fortran order at most {MOST_COLUMNS} in each"
             )
-        return shape, dtype
+        return shape, dtype, columns
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
         """All rows, `rows` at a time."""
         row = math.prod(self.shape[1:]) * self.dtype.itemsize
-        left = self.shape[0]
-        with contextlib.closing(self._open()) as file:
-            self._header(file)
-            while left and row:
+        left = self.shape[0] if row else 0
+        with contextlib.ExitStack() as stack:
+            closing = contextlib.closing
+            files = [stack.enter_context(closing(self._open())) for _ in range(self._columns)]
+            for column, file in enumerate(files):
+                self._header(file)
+                with self._read("an array's bytes"):
+                    file.seek(column * left * self.dtype.itemsize, os.SEEK_CUR)
+            while left:
                 n = min(rows, left)
-                yield self._exactly(file, n * row).view(self.dtype).reshape(n, *self.shape[1:])
+                parts = [self._exactly(file, n * row // len(files)) for file in files]
+                yield self._joined([part.view(self.dtype) for part in parts], n)
                 left -= n
-            with self._read("its end"):
-                more = file.read(1)
-            if row and more:
-                raise SceneError(
-                    f"{self.name}: byte {file.tell() - 1}: found more bytes than an array of shape "
-                    f"{self.shape} has, expected its end"
-                )
+            if row:
+                self._end(files[-1])
+
+    def _joined(self, parts: list[NDArray[Any]], n: int) -> NDArray[Any]:
+        shape = (n, *self.shape[1:])
+        if len(parts) == 1:
+            return parts[0].reshape(shape)
+        return np.ascontiguousarray(np.stack(parts, axis=-1).reshape(shape, order="F"))
+
+    def _end(self, file: Readable) -> None:
+        with self._read("its end"):
+            more = file.read(1)
+        if more:
+            raise SceneError(
+                f"{self.name}: byte {file.tell() - 1}: found more bytes than an array of shape "
+                f"{self.shape} has, expected its end"
+            )
 
     def _exactly(self, file: Readable, size: int) -> NDArray[np.uint8]:
         start, done = file.tell(), 0

@@ -72,7 +72,7 @@ def test_npy_records(tmp_path):
 
 @pytest.mark.parametrize(
     "array",
-    [np.zeros((4, 5)), np.zeros(4), np.array(1.0), np.asfortranarray(np.ones((5, 3))),
+    [np.zeros((4, 5)), np.zeros(4), np.array(1.0), np.asfortranarray(np.ones((5, 17))),
      np.array([[None] * 3])],
     ids=["five", "flat", "scalar", "fortran", "objects"],
 )  # fmt: skip

@@ -215,14 +215,14 @@ def test_records_in_more_dimensions(npy):
     assert failure(npy) == "found records of shape (2, 2), expected (n,)"
 
 
-IN_ROWS = "expected numbers in rows, in C order"
+IN_ROWS = "expected numbers in rows, in Fortran order at most 16 in each"
 BY_SHAPE = "expected (n, 3) points, (n, 4) spheres, (n, 3, 3) or (n, 9) triangles"
 
 
 @pytest.mark.parametrize(
     ("array", "message"),
     [
-        (np.asfortranarray(CENTERS), f"found float32 of shape (20, 3) in Fortran order, {IN_ROWS}"),
+        (np.ones((17, 2)).T, f"found float64 of shape (2, 17) in Fortran order, {IN_ROWS}"),
         (np.array([[1, "a", None]], object), f"found object of shape (1, 3) in C order, {IN_ROWS}"),
         (np.float32(1), f"found float32 of shape () in C order, {IN_ROWS}"),
         (np.zeros(5), f"found float64 of shape (5,), {BY_SHAPE}"),
@@ -357,6 +357,29 @@ def test_too_large_for_boxes(npy):
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("save", SAVES)
+def test_fortran_order(npy, npz, save, small_blocks):
+    """As the transpose of columns is saved."""
+    flat = TRIANGLES.reshape(9, 9)
+    for triangles in (TRIANGLES, flat):
+        np.save(npy, np.asfortranarray(triangles))
+        assert shapes_of(convert(npy)) == [tuple(map(tuple, rows)) for rows in TRIANGLES.tolist()]
+        save(npz, triangles=np.asfortranarray(triangles))
+        assert shapes_of(convert(npz)) == shapes_of(convert(npy))
+    save(npz, positions=np.stack(list(CENTERS.T)).T, radii=RADII)
+    assert shapes_of(convert(npz)) == spheres(CENTERS, RADII)
+
+
+def test_fortran_order_cut_anywhere(npy):
+    np.save(npy, np.asfortranarray(CENTERS))
+    data = npy.read_bytes()
+    for size in range(0, len(data), 7):
+        npy.write_bytes(data[:size])
+        failure(npy, ShortReadError if size >= 128 else SceneError, radius=1)
+    npy.write_bytes(data + b"x")
+    assert failure(npy, radius=1).startswith(f"byte {len(data)}: found more bytes than an array")
+
+
 def test_radii_too_large_for_the_positions(npz):
     np.savez(npz, centers=CENTERS, radii=np.full(20, 1e200))
     assert failure(npz).startswith("point 0: found ")
@@ -369,7 +392,7 @@ def test_radii_too_large_for_the_positions(npz):
 @pytest.mark.parametrize("name", [*arrays_module.CENTERS, "Coordinates", "snap/POS"])
 def test_points_by_their_name(npz, save, name, small_blocks):
     other = {"a string": np.array("x"), "objects": np.array([None]), "number": np.float64(1)}
-    order = {"fortran": np.asfortranarray(np.ones((3, 3))), "flat": np.ones(7)}
+    order = {"fortran": np.asfortranarray(np.ones((3, 30))), "flat": np.ones(7)}
     save(npz, **{name: CENTERS}, **other, **order)
     assert shapes_of(convert(npz, radius=1)) == spheres(CENTERS, 1)
 

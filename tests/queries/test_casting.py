@@ -193,13 +193,14 @@ def test_files_and_blocks_are_as_good_as_arrays(tmp_path, planned):
     assert not list((tmp_path / "all").glob(".*"))
 
 
+@pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("dtype", ["f4", "f8", "i2", "u8"])
-def test_files_of_rays_are_read_by_blocks(spheres, tmp_path, monkeypatch, dtype):
+def test_files_of_rays_are_read_by_blocks(spheres, tmp_path, monkeypatch, dtype, order):
     """Not mapped: a disk that fails would end the process."""
     monkeypatch.setattr(rays_module, "BLOCK", 7)
     monkeypatch.setattr(np, "memmap", None)
-    o = np.arange(60).reshape(20, 3).astype(dtype)
-    d = (9 - np.arange(60).reshape(20, 3) % 7).astype(dtype)
+    o = np.arange(60).reshape(20, 3).astype(dtype, order)
+    d = (9 - np.arange(60).reshape(20, 3) % 7).astype(dtype, order)
     np.save(tmp_path / "o.npy", o)
     np.save(tmp_path / "d.npy", d)
     t_max = np.arange(20.0)
@@ -259,8 +260,8 @@ def test_a_cut_file_of_rays(spheres, tmp_path, monkeypatch):
         (np.zeros((2, 3), "f2"), "found float16 of shape"),
         (np.zeros((2, 3), "?"), "found bool of shape"),
         (np.zeros((2, 3), "U1"), "found <U1 of shape"),
-        (np.array([[None] * 3]), "found object of shape .* in rows, in C order, for directions"),
-        (np.ones((3, 2)).T, "found float64 of shape .* in Fortran order, expected numbers in rows"),
+        (np.array([[None] * 3]), "found object of shape .* expected numbers in rows, .* for direc"),
+        (np.ones((17, 2)).T, "found float64 of shape .* in Fortran order, expected numbers in"),
         (b"text", "expected NumPy's header of an array, for directions"),
         (b"", "expected NumPy's header of an array, for directions"),
     ],
