@@ -260,7 +260,7 @@ def test_the_process_ends_well_after_broken_files(tmp_path):
     for cut in cuts:
         cut.write_bytes(data[: int(cut.stem)])
     child = [sys.executable, "-c", ERRORS_THAT_ARE_KEPT, *map(str, cuts)]
-    ended = subprocess.run(child, capture_output=True, text=True)
+    ended = subprocess.run(child, cwd=tmp_path, capture_output=True, text=True)
     assert (ended.returncode, ended.stderr) == (0, "")
 
 
