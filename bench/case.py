@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -54,15 +55,22 @@ def render(store: str, **settings: Any) -> Facts:
 
 
 def cast(store: str, rays: int, query: str, **settings: Any) -> Facts:
-    """Random rays between points of the scene's bounds."""
+    """Random rays between points of the scene's bounds, from files and to files: arrays of the
+    caller's would be beside the budget."""
     scene = bfrt.open(store)
     random = np.random.default_rng(1)
     lo, hi = scene.bounds.lo, scene.bounds.hi
-    origins = random.uniform(lo, hi, (rays, 3))
-    directions = random.uniform(lo, hi, (rays, 3)) - origins
-    answer = getattr(scene, query)(origins, directions, **settings)
-    arrays = {key: value for key, value in answer.items() if isinstance(value, np.ndarray)}
-    return {"digest": digest(arrays), **counted(answer.stats)}
+    with tempfile.TemporaryDirectory(dir=Path(store).parent) as name:
+        given = [Path(name, "origins.npy"), Path(name, "directions.npy")]
+        for path in given:
+            file = np.lib.format.open_memmap(path, "w+", np.float64, (rays, 3))
+            for first in range(0, rays, 1 << 16):
+                block = random.uniform(lo, hi, (min(1 << 16, rays - first), 3))
+                file[first : first + len(block)] = block
+        ends = np.load(given[1], mmap_mode="r+")
+        ends -= np.load(given[0], mmap_mode="r")
+        answer = getattr(scene, query)(*given, out=Path(name, "answer"), **settings)
+        return {"digest": digest(dict(answer)), **counted(answer.stats)}
 
 
 def convert(source: str, target: str, **settings: Any) -> Facts:

@@ -19,7 +19,7 @@ import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from capped import CAP, drop, run_capped
@@ -31,6 +31,16 @@ from bfrt import rendering
 #: The grid of the paper's table 2: 128 voxels an axis, in upper voxels of so many a side.
 SIDE = 128
 LOWERS = (1, 2, 4)
+
+
+class Line(NamedTuple):
+    """Points of a plot, and how they are drawn."""
+
+    label: str
+    style: str
+    objects: list[int]
+    seconds: list[float]
+
 
 #: What the child process is told: the store, the file for its counters, and settings as JSON.
 CHILD = "--render"
@@ -92,8 +102,9 @@ def levels(scene: str, sizes: list[int], runs: int) -> None:
         )
 
 
-def growth(scene: str, sizes: list[int], runs: int) -> None:
-    """Seconds against objects, marks included."""
+def growth(scene: str, sizes: list[int], runs: int) -> list[Line]:
+    """Seconds against objects, marks included: free, and limited."""
+    free, limited = Line(scene, "-o", [], []), Line("", "--", [], [])
     for size in sizes:
         with tempfile.TemporaryDirectory() as name:
             store = made(scene, size, Path(name))
@@ -106,11 +117,16 @@ def growth(scene: str, sizes: list[int], runs: int) -> None:
                 ]
                 medians.append(float(np.median(found)))
         print(f"{scene:7} {size:5} {objects:12,} {medians[0]:8.2f} {medians[1]:8.2f}", flush=True)
+        for line, median in zip((free, limited), medians, strict=True):
+            line.objects.append(objects)
+            line.seconds.append(median)
+    return [free, limited]
 
 
-def tracing(scene: str, sizes: list[int], runs: int, plot: Path | None) -> None:
+def tracing(scene: str, sizes: list[int], runs: int) -> list[Line]:
     """Seconds of tracing against objects, marks there, and the exponent of what grows so."""
-    counts, seconds = [], []
+    counts: list[int] = []
+    seconds: list[float] = []
     for size in sizes:
         with tempfile.TemporaryDirectory() as name:
             store = made(scene, size, Path(name))
@@ -119,24 +135,30 @@ def tracing(scene: str, sizes: list[int], runs: int, plot: Path | None) -> None:
             found = [rendered(store, Path(name))["seconds"] for _ in range(runs)]
             seconds.append(float(np.median(found)))
         print(f"{scene:7} {size:5} {counts[-1]:14,} {seconds[-1]:8.2f}", flush=True)
-    exponent = float(np.polyfit(np.log(counts), np.log(seconds), 1)[0])
-    print(f"seconds grow like objects to the power of {exponent:.2f}")
-    if plot is not None:
-        draw(scene, counts, seconds, exponent, plot)
+    fit = np.polyfit(np.log(counts), np.log(seconds), 1)
+    said = f"objects to the power of {fit[0]:.2f}"
+    print(f"seconds grow like {said}")
+    through = np.exp(np.polyval(fit, np.log(counts))).tolist()
+    return [Line(scene, "o", counts, seconds), Line(said, "-", counts, through)]
 
 
-def draw(scene: str, counts: list[int], seconds: list[float], exponent: float, path: Path) -> None:
-    """Seconds against objects, both logarithmic, and the line through them."""
+def draw(lines: list[Line], path: Path) -> None:
+    """Seconds against objects, both logarithmic. A line without a label has the color of the one
+    before."""
     import matplotlib
 
     matplotlib.use("agg")
     from matplotlib import pyplot
 
     figure, axis = pyplot.subplots(figsize=(6.5, 4.5))
-    axis.loglog(counts, seconds, "o", label=scene)
-    line = np.exp(np.polyval(np.polyfit(np.log(counts), np.log(seconds), 1), np.log(counts)))
-    axis.loglog(counts, line, "-", linewidth=0.8, label=f"objects to the power of {exponent:.2f}")
-    axis.set(xlabel="objects", ylabel="seconds of tracing")
+    color = None
+    for line in lines:
+        same = {"color": color} if not line.label and color else {}
+        drawn = axis.loglog(
+            line.objects, line.seconds, line.style, label=line.label or None, linewidth=0.9, **same
+        )
+        color = drawn[0].get_color()
+    axis.set(xlabel="objects", ylabel="seconds")
     axis.legend()
     figure.tight_layout()
     figure.savefig(path)
@@ -173,18 +195,21 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*", default=["rings:36"], help="as rings:36,94")
     parser.add_argument("--size", type=int, default=60, help="of the teapot")
     parser.add_argument("--runs", type=int, default=1)
-    parser.add_argument("--plot", type=Path, help="of tracing: a picture to draw")
+    parser.add_argument("--plot", type=Path, help="of growth or tracing: a picture to draw")
     arguments = parser.parse_args()
     if arguments.what == "stadium":
         stadium(arguments.size, arguments.runs)
         return
+    lines: list[Line] = []
     for wanted in arguments.scenes:
         scene, _, sizes = wanted.partition(":")
         given = scene, [int(size) for size in sizes.split(",")], arguments.runs
-        if arguments.what == "tracing":
-            tracing(*given, arguments.plot)
+        if arguments.what == "levels":
+            levels(*given)
         else:
-            (levels if arguments.what == "levels" else growth)(*given)
+            lines += (growth if arguments.what == "growth" else tracing)(*given)
+    if arguments.plot:
+        draw(lines, arguments.plot)
 
 
 if __name__ == "__main__":

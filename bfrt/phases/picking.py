@@ -3,7 +3,8 @@ refinement G)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from bfrt.records import INDEX_BITS, plain
 from bfrt.scene.objects import Objects
 from bfrt.scene.sweep import Sweep
+from bfrt.streams.parting import gathered, parted
+from bfrt.streams.spool import Spool
 
 #: Objects that are hit, of which a thread takes so many at once.
 PICKED = 2048
@@ -51,16 +54,32 @@ def each_hit(objects: Objects, ids: NDArray[np.uint64], pick: Pick) -> None:
         objects.some(stream, ranges, some, together=PICKED)
 
 
-def gathered(hits: Any, room: int) -> NDArray[Any]:
-    """Records of a spool that fill memory: `room` at the most."""
-    parts = []
-    while len(hits) and room:
-        parts.append(hits.read(room))
-        room -= len(parts[-1])
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[NDArray[Any]]:
+    """All hits of a spool, `room` at the most at once, in the order of their objects.
+
+    The paper sorts what fills memory, and sweeps for each such load. Where reading all geometry
+    for every further load takes more bytes than parting the hits by object first, which writes
+    and reads them once more, these are parted: loads are then in order too, and one sweep is read
+    in all. Without lazy geometry every load is a sweep in any case.
+    """
+    streams = [stream for objects in groups for stream in objects.group.streams]
+    further = (len(hits) - 1) // room
+    swept = further * sum(stream.expected_bytes()["geometry"] for stream in streams)
+    moved = 2 * len(hits) * hits.dtype.itemsize
+    parts: Iterable[Spool] = (hits,)
+    if swept > moved and all(objects.lazy for objects in groups):
+        counts = np.zeros(1 + max(stream.number for stream in streams), np.int64)
+        counts[[stream.number for stream in streams]] = [stream.count for stream in streams]
+        ends = np.cumsum(counts)
+        parts = parted(hits, partial(_places, begins=ends - counts), 0, int(ends[-1]), room)
+    for part in parts:
+        while len(part):
+            some = gathered(part, room)
+            yield plain(some)[np.argsort(some["id"])].view(some.dtype)
 
 
-def by_object(hits: Any, room: int) -> NDArray[Any]:
-    """The next hits of a spool, `room` at the most, in the order of their objects."""
-    some = gathered(hits, room)
-    return plain(some)[np.argsort(some["id"])].view(some.dtype)
+def _places(hits: NDArray[Any], begins: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where the hits' objects are among those of all streams."""
+    ids = hits["id"].astype(np.int64)
+    places: NDArray[np.int64] = begins[ids >> INDEX_BITS] + (ids & ((1 << INDEX_BITS) - 1))
+    return places

@@ -72,8 +72,7 @@ class Shading:
         counters: Counters,
     ) -> None:
         """Shade all hits, on objects of all groups; the next depth's rays go to `queue`."""
-        while len(hits):
-            chunk = by_object(hits, self._capacity)
+        for chunk in by_object(hits, groups, self._capacity):
             self._sweep(groups, chunk, queue.append, last, counters)
 
     def _sweep(

@@ -13,13 +13,10 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.phases.picking import gathered
 from bfrt.records import plain
 from bfrt.streams.aside import aside, refused
+from bfrt.streams.parting import gathered, parted
 from bfrt.streams.spool import Spool
-
-#: Parts that records are sorted into at once; each that memory does not hold is a file.
-PARTS = 64
 
 #: Rows of an answer that are put together at once.
 ROWS = 65536
@@ -28,38 +25,18 @@ ROWS = 65536
 Out = Mapping[str, NDArray[Any]] | str | os.PathLike[str]
 
 
-def ordered(records: Spool, rays: int, room: int, scratch: Path) -> Iterator[NDArray[Any]]:
+def ordered(records: Spool, rays: int, room: int) -> Iterator[NDArray[Any]]:
     """The records of a spool, by the numbers of their rays, [0, rays).
 
     Records have a ``number``; those that have ``t`` and ``key`` are sorted by these then. No more
     than `room` of them are in memory at once, unless they are one ray's.
     """
-    yield from _ordered(records, 0, rays, room, scratch)
+    for part in parted(records, _numbers, 0, rays, room):
+        yield _sorted(gathered(part, len(part)))
 
 
-def _ordered(
-    records: Spool, first: int, last: int, room: int, scratch: Path
-) -> Iterator[NDArray[Any]]:
-    if len(records) <= room or last - first <= 1:
-        if len(records):
-            yield _sorted(gathered(records, len(records)))
-        return
-    width = -(-(last - first) // PARTS)
-    parts = [Spool(records.dtype, 0, scratch) for _ in range(0, last - first, width)]
-    try:
-        while len(records):
-            some = records.read(room)
-            where = ((some["number"] - np.uint64(first)) // np.uint64(width)).astype(np.intp)
-            for number in np.unique(where):
-                parts[number].append(some[where == number])
-        records.clear()
-        for number, part in enumerate(parts):
-            begin = first + number * width
-            yield from _ordered(part, begin, min(last, begin + width), room, scratch)
-            part.clear()
-    finally:
-        for part in parts:
-            part.close()
+def _numbers(records: NDArray[Any]) -> NDArray[np.int64]:
+    return records["number"].astype(np.int64)
 
 
 def _sorted(records: NDArray[Any]) -> NDArray[Any]:

@@ -311,7 +311,6 @@ class Answers:
 
     def __init__(self, query: _Query, dtype: np.dtype[Any]) -> None:
         self._room = max(1024, query.plan.queue * QUEUED_BYTES // dtype.itemsize)
-        self._scratch = query.scratch
         self._spool = Spool(dtype, self._room, query.scratch)
         self.append = self._spool.append
 
@@ -319,7 +318,7 @@ class Answers:
         return len(self._spool)
 
     def ordered(self, rays: int) -> Iterator[NDArray[Any]]:
-        return ordered(self._spool, rays, self._room, self._scratch)
+        return ordered(self._spool, rays, self._room)
 
     def __enter__(self) -> Answers:
         return self
@@ -392,9 +391,10 @@ def _resolve(
     """Find normals and uv of hits, object by object."""
     counters = Counters()
     with counters.phases.shading.timed():
-        while len(hits):
-            # Half of them, for what is found takes memory too.
-            some = by_object(hits, max(1, query.plan.hits // 2)).view(ASKED)
+        objects = [field.objects for field in tracer.fields]
+        # Half of them, for what is found takes memory too.
+        for records in by_object(hits, objects, max(1, query.plan.hits // 2)):
+            some = records.view(ASKED)
             found = np.empty(len(some), ANSWER)
             normals = np.empty((len(some), 3), np.float32)
             uvs = np.empty((len(some), 2), np.float32)
@@ -408,14 +408,15 @@ def _resolve(
                 surfaces(sweep, some[a:b], normals[a:b], uvs[a:b])
 
             ids = np.ascontiguousarray(some["id"])
-            for field in tracer.fields:
-                each_hit(field.objects, ids, pick)
-                counters.sweep(0, field.objects)
-                counters.phases.shading.swept(field.objects)
+            for group in objects:
+                each_hit(group, ids, pick)
+                counters.sweep(0, group)
+                counters.phases.shading.swept(group)
             found["number"], found["key"] = some["number"], some["id"]
             found["t"] = some["t"] + some["moved"]
             found["normal"], found["uv"] = normals, uvs
             append(found)
+        counters.phases.shading.spooled(hits)
     query.stats.total.add(counters)
 
 

@@ -55,6 +55,12 @@ class Spool:
         self._appended = 0
         self._taken = 0
 
+    def beside(self) -> Spool:
+        """An empty one of the same records, all on disk; what it counts, this one counts."""
+        other = Spool(self.dtype, 0, self._scratch)
+        other._counts = self._counts
+        return other
+
     def __len__(self) -> int:
         """Records that wait."""
         return self._appended - self._taken
@@ -84,7 +90,7 @@ class Spool:
     def counts(self) -> tuple[int, int, int]:
         """Bytes read, bytes written and seeks on disk since the last call."""
         read, written, seeks = self._counts
-        self._counts = [0, 0, 0]
+        self._counts[:] = 0, 0, 0
         return read, written, seeks
 
     def close(self) -> None:
