@@ -363,6 +363,7 @@ class _Planner:
         """Bytes that a band's rounds write to spools."""
         return sum(
             self._hit_bytes(wave.hits)
+            + self._parted_bytes(wave.hits)
             + self._queue_bytes(wave.rays if number else 0)  # eye rays are made as they are taken
             + (len(self._grids) - 1) * self._hit_bytes(wave.rays)
             for number, wave in enumerate(rounds)
@@ -374,6 +375,7 @@ class _Planner:
         between = min(2, len(self._grids) - 1)
         return max(
             self._hit_bytes(wave.hits)
+            + self._parted_bytes(wave.hits)
             + between * self._hit_bytes(wave.rays)
             + queued[number]
             + queued[number + 1]
@@ -382,6 +384,11 @@ class _Planner:
 
     def _hit_bytes(self, records: float) -> int:
         return max(0, math.ceil(records) - self._held.hits) * HIT_BYTES
+
+    def _parted_bytes(self, hits: float) -> int:
+        """Of hits, at the most, that are parted by object: where that saves reading."""
+        parted = self._refine != "base" and hits > self._held.hits
+        return math.ceil(hits) * HIT_BYTES if parted else 0
 
     def _queue_bytes(self, records: float) -> int:
         return max(0, math.ceil(records) - self._held.queue) * QUEUED_BYTES

@@ -87,9 +87,9 @@ class Counters:
     voxel_steps: int = 0
     seconds: float = 0.0
 
-    def sweep(self, boxes: int, objects: Objects) -> None:
-        """Count one pass, with so many boxes read, and what geometry was."""
-        self.passes += 1
+    def sweep(self, boxes: int, objects: Objects, begins: bool = True) -> None:
+        """Count one pass, or more of one, with so many boxes read, and what geometry was."""
+        self.passes += begins
         self.boxes_read += boxes
         self.geometry_read += objects.geometry_read()
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import INDEX_BITS, plain
+from bfrt.records import INDEX_BITS, NO_HIT, plain
 from bfrt.scene.objects import Objects
 from bfrt.scene.sweep import Sweep
 from bfrt.streams.parting import gathered, parted
@@ -54,14 +54,21 @@ def each_hit(objects: Objects, ids: NDArray[np.uint64], pick: Pick) -> None:
         objects.some(stream, ranges, some, together=PICKED)
 
 
-def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[NDArray[Any]]:
+def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[tuple[NDArray[Any], bool]]:
     """All hits of a spool, `room` at the most at once, in the order of their objects.
 
     The paper sorts what fills memory, and sweeps for each such load. Where reading all geometry
     for every further load takes more bytes than parting the hits by object first, which writes
-    and reads them once more, these are parted: loads are then in order too, and one sweep is read
-    in all. Without lazy geometry every load is a sweep in any case.
+    and reads them once more, these are parted: loads are then in order too, but for a crowd on few
+    objects, and one sweep is read in all. Without lazy geometry every load is a sweep in any case.
+
+    Yields
+    ------
+    hits : ndarray
+    begins : bool
+        Whether a sweep begins with them, or goes on.
     """
+    reached = np.uint64(NO_HIT)
     streams = [stream for objects in groups for stream in objects.group.streams]
     further = (len(hits) - 1) // room
     swept = further * sum(stream.expected_bytes()["geometry"] for stream in streams)
@@ -71,11 +78,15 @@ def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[NDArray
         counts = np.zeros(1 + max(stream.number for stream in streams), np.int64)
         counts[[stream.number for stream in streams]] = [stream.count for stream in streams]
         ends = np.cumsum(counts)
-        parts = parted(hits, partial(_places, begins=ends - counts), 0, int(ends[-1]), room)
+        parts = parted(
+            hits, partial(_places, begins=ends - counts), 0, int(ends[-1]), room, once=True
+        )
     for part in parts:
         while len(part):
             some = gathered(part, room)
-            yield plain(some)[np.argsort(some["id"])].view(some.dtype)
+            some = plain(some)[np.argsort(some["id"])].view(some.dtype)
+            begins, reached = bool(some["id"][0] < reached), some["id"][-1]
+            yield some, begins
 
 
 def _places(hits: NDArray[Any], begins: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -72,13 +72,14 @@ class Shading:
         counters: Counters,
     ) -> None:
         """Shade all hits, on objects of all groups; the next depth's rays go to `queue`."""
-        for chunk in by_object(hits, groups, self._capacity):
-            self._sweep(groups, chunk, queue.append, last, counters)
+        for load, begins in by_object(hits, groups, self._capacity):
+            self._sweep(groups, load, begins, queue.append, last, counters)
 
     def _sweep(
         self,
         groups: list[Objects],
         hits: NDArray[Any],
+        begins: bool,
         emit: Callable[[NDArray[Any]], None],
         last_depth: bool,
         counters: Counters,
@@ -110,7 +111,7 @@ class Shading:
         for objects in groups:
             if objects.lazy:
                 each_hit(objects, ids, pick)
-                counters.sweep(0, objects)
+                counters.sweep(0, objects, begins)
             else:
                 counters.sweep(objects.each(loop), objects)
             counters.phases.shading.swept(objects)

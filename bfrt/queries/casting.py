@@ -393,7 +393,7 @@ def _resolve(
     with counters.phases.shading.timed():
         objects = [field.objects for field in tracer.fields]
         # Half of them, for what is found takes memory too.
-        for records in by_object(hits, objects, max(1, query.plan.hits // 2)):
+        for records, begins in by_object(hits, objects, max(1, query.plan.hits // 2)):
             some = records.view(ASKED)
             found = np.empty(len(some), ANSWER)
             normals = np.empty((len(some), 3), np.float32)
@@ -410,7 +410,7 @@ def _resolve(
             ids = np.ascontiguousarray(some["id"])
             for group in objects:
                 each_hit(group, ids, pick)
-                counters.sweep(0, group)
+                counters.sweep(0, group, begins)
                 counters.phases.shading.swept(group)
             found["number"], found["key"] = some["number"], some["id"]
             found["t"] = some["t"] + some["moved"]

@@ -18,11 +18,13 @@ PARTS = 64
 Numbers = Callable[[Records], NDArray[np.int64]]
 
 
-def parted(records: Spool, numbers: Numbers, first: int, last: int, room: int) -> Iterator[Spool]:
+def parted(
+    records: Spool, numbers: Numbers, first: int, last: int, room: int, *, once: bool = False
+) -> Iterator[Spool]:
     """Spools of all records, one after another, of ascending ranges of their numbers.
 
-    Each has `room` records at the most, unless they are of one number. No more are in memory at
-    once; a spool is empty when the next is asked for.
+    Each has `room` records at the most, unless they are of one number, or are parted `once` only.
+    No more are in memory at once; a spool is empty when the next is asked for.
 
     Parameters
     ----------
@@ -47,7 +49,10 @@ def parted(records: Spool, numbers: Numbers, first: int, last: int, room: int) -
         records.clear()
         for number, part in enumerate(parts):
             begin = first + number * width
-            yield from parted(part, numbers, begin, min(last, begin + width), room)
+            if once and len(part):
+                yield part
+            elif not once:
+                yield from parted(part, numbers, begin, min(last, begin + width), room)
             part.clear()
     finally:
         for part in parts:

@@ -1,7 +1,8 @@
-"""Spools parted by a number of their records: all of them, in ascending ranges, in bounded memory."""
+"""Spools parted by a number of their records: all of them, in ascending ranges."""
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -52,11 +53,22 @@ def test_parts_ascend_and_fit(values, room, memory, parts):
         assert not list(Path(folder).iterdir())
     for part in found:
         assert 0 < len(part) <= room or len(set(part["number"])) == 1
-    for before, after in zip(found, found[1:], strict=False):
+    for before, after in itertools.pairwise(found):
         assert before["number"].max() < after["number"].min()
     together = np.concatenate([np.zeros(0, RECORD), *found])
     assert sorted(together["order"]) == list(range(len(values)))
     assert together["number"].tolist() == [values[i] for i in together["order"]]
+
+
+def test_parted_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(parting, "PARTS", 4)
+    spool = spool_of([*range(40)] * 5, 0, tmp_path)
+    found = [gathered(part, 999) for part in parted(spool, numbers, 0, 40, 10, once=True)]
+    assert [len(part) for part in found] == [50] * 4
+    assert [set(part["number"]) for part in found] == [
+        {*range(first, first + 10)} for first in range(0, 40, 10)
+    ]
+    spool.close()
 
 
 def test_what_fits_is_not_moved(tmp_path):
