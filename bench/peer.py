@@ -2,11 +2,11 @@
 
 ::
 
-    python bench/peer.py open3d terrain.ply rays.npy hits.npy --memory 1GiB
+    python bench/peer.py open3d terrain.ply rays hits.npy --memory 1GiB
 
-Rays are (n, 6) float32, origins and directions; the answer is each ray's t, float32, inf where it
-hits nothing. `--rounds` asks again after the first answer and prints the seconds of each: what a
-ray costs where the scene is loaded.
+The folder ``rays`` has origins.npy and directions.npy, (n, 3) float32; the answer is each ray's t,
+float32, inf where it hits nothing. `--rounds` asks again after the first answer and prints the
+seconds of each: what a ray costs where the scene is loaded.
 """
 
 from __future__ import annotations
@@ -19,44 +19,52 @@ from pathlib import Path
 
 import numpy as np
 
-Ask = Callable[[np.ndarray], np.ndarray]
+Ask = Callable[[], np.ndarray]
 
 
-def bfrt(ply: Path, memory: str) -> Ask:
-    """A store is made beside the file, and removed at the end."""
+def bfrt(ply: Path, rays: Path, memory: str) -> Ask:
+    """A store is made beside the file, and removed at the end. Rays are read from their files, and
+    t goes to one: arrays would be beside the budget."""
     import bfrt
 
     folder = tempfile.TemporaryDirectory(dir=ply.parent)
     store = Path(folder.name) / "scene.bfrt"
     scene = bfrt.convert(ply, store, memory=memory, durable=False)
 
-    def ask(rays: np.ndarray) -> np.ndarray:
-        assert folder
-        return scene.cast_rays(rays[:, :3], rays[:, 3:], memory=memory)["t_hit"]
+    def ask() -> np.ndarray:
+        out = tempfile.mkdtemp(dir=folder.name)
+        files = rays / "origins.npy", rays / "directions.npy"
+        return scene.cast_rays(*files, memory=memory, out=out)["t_hit"]
 
     return ask
 
 
-def open3d(ply: Path, memory: str) -> Ask:
+def loaded(rays: Path) -> tuple[np.ndarray, np.ndarray]:
+    return np.load(rays / "origins.npy"), np.load(rays / "directions.npy")
+
+
+def open3d(ply: Path, rays: Path, memory: str) -> Ask:
     import open3d as o3d
 
     mesh = o3d.t.io.read_triangle_mesh(str(ply))
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(mesh)
-    return lambda rays: scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()
+    tensor = o3d.core.Tensor(np.hstack(loaded(rays)))
+    return lambda: scene.cast_rays(tensor)["t_hit"].numpy()
 
 
-def trimesh(ply: Path, memory: str) -> Ask:
+def trimesh(ply: Path, rays: Path, memory: str) -> Ask:
     """trimesh with embreex: it gives places, of which t is made."""
     import trimesh
 
     mesh = trimesh.load(ply, process=False)
     assert type(mesh.ray).__module__.endswith("ray_pyembree")
 
-    def ask(rays: np.ndarray) -> np.ndarray:
-        origins, directions = rays[:, :3], rays[:, 3:]
+    origins, directions = loaded(rays)
+
+    def ask() -> np.ndarray:
         places, index, _ = mesh.ray.intersects_location(origins, directions, multiple_hits=False)
-        t = np.full(len(rays), np.inf)
+        t = np.full(len(origins), np.inf)
         along = ((places - origins[index]) * directions[index]).sum(axis=1)
         t[index] = along / (directions[index] ** 2).sum(axis=1)
         return t
@@ -64,7 +72,7 @@ def trimesh(ply: Path, memory: str) -> Ask:
     return ask
 
 
-def mitsuba(ply: Path, memory: str) -> Ask:
+def mitsuba(ply: Path, rays: Path, memory: str) -> Ask:
     """On the processor, by LLVM and Embree."""
     import drjit as dr
     import mitsuba as mi
@@ -72,8 +80,9 @@ def mitsuba(ply: Path, memory: str) -> Ask:
     mi.set_variant("llvm_ad_rgb")
     scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": str(ply)}})
 
-    def ask(rays: np.ndarray) -> np.ndarray:
-        o, d = (mi.Point3f(np.ascontiguousarray(part.T)) for part in (rays[:, :3], rays[:, 3:]))
+    o, d = (mi.Point3f(np.ascontiguousarray(part.T)) for part in loaded(rays))
+
+    def ask() -> np.ndarray:
         found = scene.ray_intersect_preliminary(mi.Ray3f(o, mi.Vector3f(d)))
         return np.array(dr.select(found.is_valid(), found.t, dr.inf))
 
@@ -92,12 +101,11 @@ def main() -> None:
     parser.add_argument("--memory", default="1GiB", help="of bfrt")
     parser.add_argument("--rounds", type=int, default=0)
     arguments = parser.parse_args()
-    ask = PEERS[arguments.peer](arguments.ply, arguments.memory)
-    rays = np.load(arguments.rays)
-    np.save(arguments.hits, ask(rays).astype(np.float32))
+    ask = PEERS[arguments.peer](arguments.ply, arguments.rays, arguments.memory)
+    np.save(arguments.hits, ask().astype(np.float32))
     for _ in range(arguments.rounds):
         start = time.perf_counter()
-        ask(rays)
+        ask()
         print(f"{time.perf_counter() - start:.4f}")
 
 

@@ -56,6 +56,12 @@ def camera_rays(side: int, seed: int | None = None) -> np.ndarray:
     return np.concatenate([origins, ways], axis=2).reshape(-1, 6).astype(np.float32)
 
 
+def save_rays(folder: Path, rays: np.ndarray) -> None:
+    folder.mkdir(exist_ok=True)
+    np.save(folder / "origins.npy", rays[:, :3])
+    np.save(folder / "directions.npy", rays[:, 3:])
+
+
 def installed() -> list[str]:
     found = [name for name in PEERS if importlib.util.find_spec(name)]
     for name in set(PEERS) - set(found):
@@ -95,9 +101,9 @@ def compare(own: np.ndarray, other: np.ndarray) -> dict[str, float]:
 
 def measure(millions: float, caps: list[str], runs: int, folder: Path) -> list[dict[str, Any]]:
     side = round((millions * 1e6 / 2) ** 0.5) + 1
-    ply, rays = folder / "terrain.ply", folder / "rays.npy"
+    ply, rays = folder / "terrain.ply", folder / "rays"
     terrain(side, ply)
-    np.save(rays, camera_rays(side))
+    save_rays(rays, camera_rays(side))
     rows = []
     for cap in caps:
         found: dict[str, list[dict[str, Any]]] = {name: [] for name in installed()}
@@ -126,10 +132,10 @@ def steady(folder: Path, rounds: int) -> None:
     ply = folder / "terrain.ply"
     terrain(side, ply)
     for kind, seed in (("coherent", None), ("incoherent", 1)):
-        np.save(folder / "rays.npy", camera_rays(side, seed))
+        save_rays(folder / "rays", camera_rays(side, seed))
         for name in installed():
             command = [
-                sys.executable, ONE, name, str(ply), str(folder / "rays.npy"),
+                sys.executable, ONE, name, str(ply), str(folder / "rays"),
                 str(folder / "hits.npy"), "--rounds", str(rounds), "--memory", "4GiB",
             ]  # fmt: skip
             said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
