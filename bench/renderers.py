@@ -1,12 +1,12 @@
-"""bfrt against POV-Ray: the same NFF scene, the same rays, whole commands in turn.
+"""bfrt against POV-Ray and Tachyon: the same NFF scene, the same rays, whole commands in turn.
 
 ::
 
-    python bench/povray.py rings 36 --runs 3
+    python bench/renderers.py rings 36 --runs 3
 
-writes the scene as NFF and as a POV-Ray file (beforehand, not timed), then runs both commands in
-turn: ``bfrt render X.nff -o X.png`` and ``povray X.pov``, both with 513 x 513 eye rays and depth
-5. It prints a table of seconds and peak memory: medians of the runs, and the ratios.
+writes the scene as NFF and as a POV-Ray file (beforehand, not timed), then runs the commands in
+turn: ``bfrt render X.nff -o X.png``, ``povray X.pov`` and ``tachyon X.nff``, with 513 x 513 eye
+rays and depth 5. It prints a table of seconds and peak memory: medians of the runs, and the ratios.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
@@ -150,29 +150,53 @@ def timed(command: list[str]) -> tuple[float, int]:
     return seconds, usage.ru_maxrss * 1024
 
 
-def compare(name: str, size: int, runs: int, folder: Path, threads: int, memory: str) -> str:
-    """One row of the table."""
+class Peer(NamedTuple):
+    """A renderer: the suffix of the file that it reads, and the end of its command."""
+
+    suffix: str
+    options: str
+
+
+PEERS = {
+    "povray": Peer(".pov", "+I{file} +O{out} +W{width} +H{height} -D -A +WT{threads} +Q9"),
+    "tachyon": Peer(
+        ".nff",
+        "{file} -raydepth 5 -numthreads {threads} -res {width} {height} -format PNG -o {out}",
+    ),
+}
+
+
+def compare(
+    name: str, size: int, peers: list[str], runs: int, folder: Path, threads: int, memory: str
+) -> list[str]:
+    """Rows of the table, a peer each."""
     nff, pov = folder / f"{name}{size}.nff", folder / f"{name}{size}.pov"
     with nff.open("w") as file:
         bfrt.spd.scene(name, size).write_nff(file)
     width, height = write_pov(nff, pov)
-    ours = [
-        sys.executable, "-m", "bfrt", "render", str(nff), "-o", str(folder / "ours.png"),
-        "--memory", memory, "--threads", str(threads), "--quiet",
-    ]  # fmt: skip
-    theirs = [
-        "povray", f"+I{pov}", f"+O{folder / 'theirs.png'}", f"+W{width}", f"+H{height}", "-D", "-A",
-        f"+WT{threads}", "+Q9",
-    ]  # fmt: skip
-    results = [(timed(ours), timed(theirs)) for _ in range(runs)]
-    (t1, m1), (t2, m2) = (
-        [statistics.median(run[who][what] for run in results) for what in (0, 1)] for who in (0, 1)
-    )
-    ratio = statistics.median(run[1][0] / run[0][0] for run in results)
-    return (
-        f"{name} {size:>4}  {t1:8.2f} {m1 / 2**20:8.0f}  {t2:8.2f} {m2 / 2**20:8.0f}  "
-        f"{ratio:6.2f} {m1 / m2:6.2f}"
-    )
+    commands = {
+        "bfrt": [
+            sys.executable, "-m", "bfrt", "render", str(nff), "-o", str(folder / "ours.png"),
+            "--memory", memory, "--threads", str(threads), "--quiet",
+        ]
+    }  # fmt: skip
+    for peer in peers:
+        file, out = nff.with_suffix(PEERS[peer].suffix), folder / "theirs.png"
+        facts = {"file": file, "out": out, "width": width, "height": height, "threads": threads}
+        commands[peer] = [peer, *(o.format(**facts) for o in PEERS[peer].options.split())]
+    results = [{who: timed(command) for who, command in commands.items()} for _ in range(runs)]
+    rows = []
+    for peer in peers:
+        (t1, m1), (t2, m2) = (
+            [statistics.median(run[who][what] for run in results) for what in (0, 1)]
+            for who in ("bfrt", peer)
+        )
+        ratio = statistics.median(run[peer][0] / run["bfrt"][0] for run in results)
+        rows.append(
+            f"{name:6} {size:>4}  {t1:8.2f} {m1 / 2**20:8.0f}  {peer:8} {t2:8.2f} "
+            f"{m2 / 2**20:8.0f}  {ratio:6.2f} {m1 / m2:6.2f}"
+        )
+    return rows
 
 
 def main() -> None:
@@ -183,20 +207,22 @@ def main() -> None:
     parser.add_argument("--memory", default="256MiB", help="bfrt's budget")
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     arguments = parser.parse_args()
-    if shutil.which("povray") is None:
-        raise SystemExit("povray is not installed")
-    print("             bfrt s      MiB  povray s      MiB  faster memory")
+    peers = [peer for peer in PEERS if shutil.which(peer)]
+    if not peers:
+        raise SystemExit(f"none of {', '.join(PEERS)} is installed")
+    print("               bfrt s      MiB  peer            s      MiB  faster memory")
     for size in arguments.sizes:
-        with tempfile.TemporaryDirectory() as folder:
-            row = compare(
+        with tempfile.TemporaryDirectory() as name:
+            rows = compare(
                 arguments.name,
                 size,
+                peers,
                 arguments.runs,
-                Path(folder),
+                Path(name),
                 arguments.threads,
                 arguments.memory,
             )
-            print(row, flush=True)
+            print(*rows, sep="\n", flush=True)
 
 
 if __name__ == "__main__":
