@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -116,17 +117,24 @@ def test_hierarchy(benchmark: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.benchmark(group="a million hits sorted by object")
-def test_sort(benchmark: Any, tmp_path: Path) -> None:
-    hits = np.zeros(1_000_000, HIT)
-    hits["id"] = np.random.default_rng(5).integers(0, 1 << 40, len(hits))
+@pytest.mark.parametrize("loads", [1, 10], ids=["in memory", "parted on disk"])
+def test_sort(benchmark: Any, tmp_path: Path, loads: int) -> None:
+    count, room = 1 << 40, 1_000_000 // loads
+    stream = SimpleNamespace(number=0, count=count, expected_bytes=lambda: {"geometry": count})
+    groups: Any = [SimpleNamespace(lazy=True, group=SimpleNamespace(streams=[stream]))]
+    hits = np.zeros(loads * room, HIT)
+    hits["id"] = np.random.default_rng(5).integers(0, count, len(hits))
 
     def fresh() -> tuple[tuple[Any, ...], dict[str, Any]]:
-        spool = Spool(HIT, len(hits), tmp_path)
+        spool = Spool(HIT, room, tmp_path)
         spool.append(hits)
-        return (spool, len(hits)), {}
+        return (spool,), {}
 
-    found = benchmark.pedantic(by_object, setup=fresh, rounds=5)
-    assert (np.diff(found["id"].astype(np.int64)) >= 0).all()
+    def ids(spool: Spool) -> np.ndarray:
+        return np.concatenate([load["id"] for load, _ in by_object(spool, groups, room)])
+
+    found = benchmark.pedantic(ids, setup=fresh, rounds=5)
+    assert len(found) == len(hits) and (np.diff(found.astype(np.int64)) >= 0).all()
 
 
 class Nothing:
