@@ -6,7 +6,7 @@
 
 Each step is a process of its own inside a memory cgroup of 256 MiB, its files dropped from the page
 cache before: making the store; marks and picture with sgb; the other views, marks there; base and
-sg. These are run on a slice, for they take hours: `PASSES` of their sweeps, whose seconds are
+sg. These are run on a slice, for they take hours: `SWEEPS` of their sweeps, whose seconds are
 multiplied by the sweeps that sgb has made, and for the marks by the passes that these took. The
 unit is one sequential read of the store. Needs root, for the cgroup, and the disk: 40 GB for rings
 368.
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -24,85 +23,26 @@ from typing import Any
 
 from capped import CAP, drop, run_capped
 
-import bfrt
-from bfrt.scheduler import Progress
-
 #: Sweeps of base that are timed.
-PASSES = 2
+SWEEPS = 2
 
-#: What the child process is told: a step's name, and its settings as JSON.
-CHILD = "--step"
+#: What a step's process runs.
+CASE = str(Path(__file__).with_name("case.py"))
 
 Facts = dict[str, Any]
 
 
-def create(scene: str, size: int, store: str) -> Facts:
-    options = {"hash": "jenkins"} if scene == "mount" else {}
-    made = bfrt.spd.scene(scene, size, **options).write(store)
-    return {"objects": made.objects, "bytes": made.bytes}
-
-
-def read(store: str) -> Facts:
-    """One sequential read of all files."""
-    buffer = bytearray(1 << 20)
-    total = 0
-    for path in sorted(Path(store).rglob("*")):
-        if path.is_file():
-            with path.open("rb", buffering=0) as file:
-                while got := file.readinto(buffer):
-                    total += got
-    return {"bytes": total}
-
-
-def render(store: str, fresh: bool, view: str, picture: str) -> Facts:
-    camera = bfrt.spd.VIEWS[view] if view else None
-    image = bfrt.render(store, memory=CAP, camera=camera, fresh_marks=fresh)
-    image.save(picture)
-    found = image.stats.as_dict()
-    return {
-        "seconds": found["seconds"],
-        "phases": {name: phase["seconds"] for name, phase in found["phases"].items()},
-        "bytes_read": sum(phase["bytes_read"] for phase in found["phases"].values()),
-        "seeks": sum(phase["seeks"] for phase in found["phases"].values()),
-        "sweeps": sum(depth["passes"] for depth in found["depths"]),
-        "marking": found["passes"] - sum(depth["passes"] for depth in found["depths"]),
-        "rays": found["rays"],
-        "grids": found["grids"],
-        "hierarchy": found["hierarchy_seconds"],
-        "peak": found["peak_rss_bytes"],
-    }
-
-
-def sliced(store: str, refine: str, view: str) -> Facts:
-    """Seconds of a sweep, marks there: the first ones, then no more."""
-    times: list[float] = []
-
-    def tell(_: Progress) -> bool:
-        times.append(time.perf_counter())
-        return len(times) <= PASSES
-
-    camera = bfrt.spd.VIEWS[view] if view else None
-    try:
-        bfrt.render(store, memory=CAP, camera=camera, refine=refine, progress=tell)
-    except bfrt.Cancelled:
-        return {"sweep": (times[-1] - times[0]) / PASSES}
-    raise SystemExit(f"{refine} was done before its slice was")
-
-
-STEPS = {"create": create, "read": read, "render": render, "sliced": sliced}
-
-
-def step(name: str, folder: Path, store: Path, *settings: Any) -> Facts:
-    """Run a step, cold and capped: its facts, and its seconds as a whole process."""
+def step(case: str, folder: Path, store: Path, /, **settings: Any) -> Facts:
+    """Run a case, cold and capped: its facts, and its seconds as a whole process."""
     if store.exists():
         drop(store)
     facts = folder / "facts.json"
-    given = [__file__, CHILD, name, str(facts), json.dumps([*settings])]
     start = time.perf_counter()
-    status, peak = run_capped(given, CAP)
+    status, peak = run_capped([CASE, case, json.dumps(settings), str(facts)], CAP)
     if status:
-        raise SystemExit(f"{store.name} {name} {settings}: exit status {status}, peak {peak}")
-    return {"step": name, "whole": time.perf_counter() - start, **json.loads(facts.read_text())}
+        raise SystemExit(f"{store.name} {case} {settings}: exit status {status}, peak {peak}")
+    whole = time.perf_counter() - start
+    return {"step": case, "whole": whole, "peak": peak, **json.loads(facts.read_text())}
 
 
 def measured(scene: str, size: int, views: list[str], folder: Path, pictures: Path) -> list[Facts]:
@@ -110,30 +50,30 @@ def measured(scene: str, size: int, views: list[str], folder: Path, pictures: Pa
     store = folder / f"{scene}{size}.bfrt"
     rows: list[Facts] = []
 
-    def note(label: str, name: str, *settings: Any) -> Facts:
-        rows.append(
-            {"scene": f"{scene} {size}", "label": label, **step(name, folder, store, *settings)}
-        )
+    def note(label: str, case: str, **settings: Any) -> None:
+        done = step(case, folder, store, **settings)
+        rows.append({"scene": f"{scene} {size}", "label": label, **done})
         print(json.dumps(rows[-1]), flush=True)
-        return rows[-1]
 
-    note("create", "create", scene, size, str(store))
-    note("sequential read", "read", str(store))
+    options = {"hash": "jenkins"} if scene == "mount" else {}
+    note("create", "spd", name=scene, size=size, target=str(store), **options)
+    note("sequential read", "read", store=str(store))
     for view in ["", *(view for view in views if view.startswith(f"{scene}{size}"))]:
         label = view or f"{scene}{size}"
         picture = str(pictures / f"{label}.png")
-        note(label, "render", str(store), not view, view, picture)
+        given = {"store": str(store), "view": view, "memory": CAP}
+        note(label, "render", **given, picture=picture, fresh_marks=not view)
         for refine in ("base", "sg"):
-            note(f"{label} {refine}", "sliced", str(store), refine, view)
+            note(f"{label} {refine}", "sliced", **given, sweeps=SWEEPS, refine=refine)
     return rows
 
 
 def summary(rows: list[Facts]) -> str:
     """A store's rows in units of its sequential read, and gains over the extrapolated base."""
     unit = next(row["whole"] for row in rows if row["step"] == "read")
-    created = next(row["whole"] for row in rows if row["step"] == "create")
+    created = next(row["whole"] for row in rows if row["step"] == "spd")
     renders = [row for row in rows if row["step"] == "render"]
-    marking = renders[0]["marking"]
+    marking = renders[0]["passes"] - renders[0]["sweeps"]
     lines = [f"created in {created:.1f} s; one sequential read {unit:.1f} s"]
     for row in renders:
         preprocess = row["phases"]["preprocess"]
@@ -155,10 +95,6 @@ def summary(rows: list[Facts]) -> str:
 
 
 def main() -> None:
-    if sys.argv[1:2] == [CHILD]:
-        name, facts, settings = sys.argv[2:]
-        Path(facts).write_text(json.dumps(STEPS[name](*json.loads(settings))))
-        return
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("scenes", nargs="+", help="as rings:368, one store at a time")
     parser.add_argument("--views", nargs="*", default=[], help="other views, as rings368m")

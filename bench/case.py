@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+import time
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -43,14 +44,23 @@ def counted(stats: Any) -> Facts:
         "bytes_read": sum(phase["bytes_read"] for phase in phases.values()),
         "seeks": sum(phase["seeks"] for phase in phases.values()),
         "passes": found["passes"],
+        "sweeps": sum(depth["passes"] for depth in found["depths"]),
+        "seconds": found["seconds"],
         "rays": found["rays"],
         "box_tests": found["box_tests"],
         "marks_reused": found["marks_reused"],
     }
 
 
-def render(store: str, **settings: Any) -> Facts:
-    image = bfrt.render(store, **settings)
+def camera_of(view: str) -> bfrt.Camera | None:
+    """A standard view by its name; the scene's own without one."""
+    return bfrt.spd.VIEWS[view] if view else None
+
+
+def render(store: str, view: str = "", picture: str = "", **settings: Any) -> Facts:
+    image = bfrt.render(store, camera=camera_of(view), **settings)
+    if picture:
+        image.save(picture)
     return {"digest": digest(image.channels), **counted(image.stats)}
 
 
@@ -78,13 +88,40 @@ def convert(source: str, target: str, **settings: Any) -> Facts:
     return {"digest": f"{scene.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
 
 
-def spd(name: str, size: int, target: str) -> Facts:
-    scene = bfrt.spd.scene(name, size).write(target)
+def spd(name: str, size: int, target: str, **options: str) -> Facts:
+    scene = bfrt.spd.scene(name, size, **options).write(target)
     return {"digest": f"{scene.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
 
 
+def read(store: str) -> Facts:
+    """One sequential read of all files."""
+    buffer = bytearray(1 << 20)
+    total = 0
+    for path in sorted(Path(store).rglob("*")):
+        if path.is_file():
+            with path.open("rb", buffering=0) as file:
+                while got := file.readinto(buffer):
+                    total += got
+    return {"bytes": total}
+
+
+def sliced(store: str, view: str, sweeps: int, **settings: Any) -> Facts:
+    """Seconds of a sweep: of the first ones, after which the render is cancelled."""
+    times: list[float] = []
+
+    def tell(_: object) -> bool:
+        times.append(time.perf_counter())
+        return len(times) <= sweeps
+
+    try:
+        bfrt.render(store, camera=camera_of(view), progress=tell, **settings)
+    except bfrt.Cancelled:
+        return {"sweep": (times[-1] - times[0]) / sweeps}
+    raise SystemExit(f"{store} {settings}: the render was done before its slice was")
+
+
 CASES: dict[str, Callable[..., Facts]] = {
-    "render": render, "cast": cast, "convert": convert, "spd": spd,
+    "render": render, "cast": cast, "convert": convert, "spd": spd, "read": read, "sliced": sliced,
 }  # fmt: skip
 
 if __name__ == "__main__":
