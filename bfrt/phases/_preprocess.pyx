@@ -3,7 +3,8 @@
 from libc.stdint cimport int64_t, uint8_t
 
 from bfrt.geometry.box cimport box_empty
-from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, box_range, entered_by
+from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, entered_by
+from bfrt.geometry.lanes cimport BOXES, Sides, box_ranges, sides_of
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.subspace cimport Subspace
 from bfrt.scene.sweep cimport Sweep, advance_block, advance_to
@@ -87,16 +88,17 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace su
     marks : (layers, rows, row) uint8
         IN, OUT. The subspace's voxels. Threads may share it.
     """
-    cdef int i, block
+    cdef Range regions[BOXES]
+    cdef Sides sides
+    cdef int i, n
     cdef int64_t k
-    cdef Range r
+    sides_of(&lattice.grid, &sides)
     with nogil:
         for k in range(ranges.shape[0]):
             advance_to(sweep, ranges[k, 0])
             while sweep.index < ranges[k, 1]:
-                block = advance_block(sweep, ranges[k, 1] - sweep.index)
-                for i in range(block):
-                    if box_empty(&sweep.box[i]):
-                        continue
-                    box_range(&lattice.grid, &sweep.box[i], &r)
-                    mark_range(&lattice.grid, subspace, &r, &marks[0, 0, 0])
+                n = advance_block(sweep, ranges[k, 1] - sweep.index)
+                box_ranges(&lattice.grid, &sides, &sweep.box[0], n, &regions[0])
+                for i in range(n):
+                    if not box_empty(&sweep.box[i]):
+                        mark_range(&lattice.grid, subspace, &regions[i], &marks[0, 0, 0])

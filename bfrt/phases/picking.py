@@ -65,6 +65,7 @@ def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[tuple[N
     Yields
     ------
     hits : ndarray
+        The same memory each time.
     begins : bool
         Whether a sweep begins with them, or goes on.
     """
@@ -81,12 +82,20 @@ def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[tuple[N
         parts = parted(
             hits, partial(_places, begins=ends - counts), 0, int(ends[-1]), room, once=True
         )
+    load = np.empty(min(room, len(hits)), hits.dtype)
     for part in parts:
         while len(part):
-            some = gathered(part, room)
-            some = plain(some)[np.argsort(some["id"])].view(some.dtype)
-            begins, reached = bool(some["id"][0] < reached), some["id"][-1]
-            yield some, begins
+            n = _sort(gathered(part, room), load)
+            begins, reached = bool(load["id"][0] < reached), load["id"][n - 1]
+            yield load[:n], begins
+
+
+def _sort(hits: NDArray[Any], load: NDArray[Any]) -> int:
+    """Put hits into `load` by object; returns how many."""
+    n = len(hits)
+    # Without the mode NumPy makes one more copy.
+    plain(hits).take(np.argsort(hits["id"]), out=plain(load[:n]), mode="clip")
+    return n
 
 
 def _places(hits: NDArray[Any], begins: NDArray[np.int64]) -> NDArray[np.int64]:

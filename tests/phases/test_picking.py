@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from bfrt.budget import SHADED_HIT_BYTES
 from bfrt.phases.picking import by_object
 from bfrt.records import HIT, INDEX_BITS
 from bfrt.streams.spool import Spool
@@ -48,7 +51,8 @@ def hits(tmp_path):
 @pytest.mark.parametrize(("lazy", "record"), [(True, 1000), (True, 1), (False, 1000)])
 def test_all_hits_come_in_loads_by_object(hits, room, lazy, record):
     spool, records = hits
-    loads, begins = zip(*by_object(spool, groups(lazy, record), room), strict=True)
+    found = ((load.copy(), new) for load, new in by_object(spool, groups(lazy, record), room))
+    loads, begins = zip(*found, strict=True)
     assert len(spool) == 0
     assert all(0 < len(load) <= room for load in loads)
     assert all((np.diff(load["id"].astype(np.int64)) >= 0).all() for load in loads)
@@ -72,6 +76,29 @@ def test_few_hits_are_not_moved(hits):
     spool.counts()
     list(by_object(spool, groups(), 5000))
     assert spool.counts()[1] == 0
+
+
+@pytest.mark.parametrize("record", [1, 1000])
+def test_loads_take_what_the_plan_says(tmp_path, record):
+    room = 20000
+    with closing(Spool(HIT, room, tmp_path)) as spool:
+        for _ in range(5):
+            records = np.zeros(room, HIT)
+            records["id"] = (2 << INDEX_BITS) + RNG.integers(0, COUNTS[2], room).astype(np.uint64)
+            spool.append(records)
+        del records
+        tracemalloc.start()
+        try:
+            loads = 0
+            for load, _ in by_object(spool, groups(record=record), room):
+                ids = np.ascontiguousarray(load["id"])  # as phases do
+                assert (np.diff(ids.astype(np.int64)) >= 0).all()
+                loads += 1
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+    assert loads >= 5
+    assert peak <= room * SHADED_HIT_BYTES + (1 << 18)
 
 
 def test_no_hits(tmp_path):
