@@ -49,7 +49,7 @@ BASELINE = 52 << 20
 OWN_CGROUPS = Path("/proc/self/cgroup")
 CGROUPS = Path("/sys/fs/cgroup")
 
-#: Bytes of one read buffer; a worker has up to four a stream.
+#: Bytes of one read buffer; a worker has up to five a stream.
 READ_BUFFER = 1 << 18
 
 #: A pixel of the finished image: R G B A, Z, N and the two halves of the id, 4 bytes each.
@@ -219,9 +219,9 @@ def frame_of(width: int, height: int, samples: int, extra: int, room: int) -> Fr
 def fixed_bytes(store: Store, threads: int) -> int:
     """What a render takes whatever the budget is, without frame, rays and grid."""
     largest = max((s.stride * s.largest for s in store.streams), default=0)
-    buffers = len(store.streams) * threads * (READ_BUFFER * 9 // 4 + largest)
+    buffers = len(store.streams) * threads * (READ_BUFFER * 10 // 4 + largest)
     outgoing = threads * emit_room(len(store.lights)) * QUEUED_BYTES
-    levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER + SELECTED * 16
+    levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER + SELECTED * 40
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
     return BASELINE + buffers + levels + outgoing + palette
 

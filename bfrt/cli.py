@@ -225,7 +225,8 @@ def add_spd(commands: Any) -> None:
 def add_hierarchy(made: argparse.ArgumentParser) -> None:
     made.add_argument(
         "--hierarchy", metavar="SETTINGS",
-        help="of the box hierarchy, by the paper's letters, as s=3,n=1000,l=4,t=1",
+        help="of the box hierarchy, by the paper's letters, as s=3,n=1000,l=4,t=1; and bits=0 for "
+        "no quantised boxes",
     )  # fmt: skip
 
 

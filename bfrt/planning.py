@@ -165,6 +165,8 @@ class Swept(NamedTuple):
         Of all levels.
     boxes : int
         Of what tells where objects are: boxes, spheres, ends of polygons.
+    coded : int
+        The same by quantised boxes, where there are any and the hierarchy is used.
     shapes : int
         Of all other geometry.
     materials : int
@@ -176,30 +178,34 @@ class Swept(NamedTuple):
     top: int
     levels: int
     boxes: int
+    coded: int
     shapes: int
     materials: int
     ends: int
 
     @property
     def all(self) -> int:
-        return self.levels + self.boxes + self.shapes
+        return self.levels + self.coded + self.shapes
 
 
 def swept_of(group: Group, refine: str) -> Swept:
     """What the sweeps over a group read; levels with ``sgb`` only."""
-    top = levels = boxes = shapes = materials = ends = 0
+    top = levels = boxes = coded = shapes = materials = ends = 0
     for stream in group.streams:
         sizes = {name: facts.bytes for name, facts in stream.files.items()}
         geometry = sizes["geometry"]
         ends += sizes.get("offsets", 0)
-        boxes += sizes.get("boxes", geometry) + sizes.get("offsets", 0)
+        own = sizes.get("boxes", geometry)
+        boxes += own + sizes.get("offsets", 0)
+        coded += sizes.get("quantised", own) if refine == "sgb" else own
+        coded += sizes.get("offsets", 0)
         shapes += 0 if stream.kind == Kind.SPHERE else geometry
         materials += sizes.get("materials", 0)
         if refine == "sgb" and stream.levels:
-            own = [sizes[f"level{number}"] for number in range(1, len(stream.levels) + 1)]
-            top += own[-1]
-            levels += sum(own)
-    return Swept(top, levels, boxes, shapes, materials, ends)
+            above = [sizes[f"level{number}"] for number in range(1, len(stream.levels) + 1)]
+            top += above[-1]
+            levels += sum(above)
+    return Swept(top, levels, boxes, coded, shapes, materials, ends)
 
 
 class _Planner:

@@ -121,6 +121,7 @@ CANDIDATE_BYTES = 8
 MATERIAL_BYTES = 32
 PARENT_BYTES = 32
 BOX_BYTES = 24
+CODE_BYTES = 6  # a box quantised in its parent's
 OFFSET_BYTES = 4  # a polygon's end, counted in vertices
 FILM_BYTES = 32  # four 64-bit sums: R G B A
 AOV_BYTES = 24  # Z, N, 64-bit id

@@ -12,6 +12,7 @@ import bfrt
 from bfrt.budget import capacities
 from bfrt.planned import ASSUMED
 from bfrt.planning import swept_of, waves
+from bfrt.records import Kind
 
 TRACING = ("traversal", "intersection", "shading")
 
@@ -260,8 +261,13 @@ def test_what_passes_read_is_all_there_is(rings):
     """Every file of a group is in one of the parts."""
     (group,) = rings.groups
     swept = swept_of(group, "sgb")
+    facts = [stream.files.get("quantised") for stream in group.streams]
+    quantised = sum(f.bytes for f in facts if f is not None)
     files = sum(facts.bytes for stream in group.streams for facts in stream.files.values())
-    assert swept.all + swept.materials == files
+    assert swept.all - swept.coded + swept.boxes + swept.materials + quantised == files
+    boxed = sum(stream.count for stream in group.streams if stream.kind != Kind.SPHERE)
+    assert quantised == 6 * boxed and swept.boxes - swept.coded == 18 * boxed
+    assert swept_of(group, "sg").coded == swept.boxes
     assert 0 < swept.top <= swept.levels
     assert swept_of(group, "sg").levels == swept_of(group, "base").top == 0
 

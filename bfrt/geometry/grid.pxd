@@ -14,7 +14,7 @@ walk resumed from (voxel, face) goes on exactly as if it had never stopped.
 from libc.math cimport INFINITY
 from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.box cimport Box, Span, slab_axis
+from bfrt.geometry.box cimport Box, Grown, Span, slab_axis
 from bfrt.geometry.vector cimport Line, larger, smaller
 
 cdef enum:
@@ -98,6 +98,15 @@ cdef inline int located(const Grid* g, int k, double x) noexcept nogil:
     """What `locate` says; the table is asked only where arithmetic may differ from it."""
     cdef int low = roughly(g, k, x, -g.slack[k])
     return low if low == roughly(g, k, x, g.slack[k]) else locate(g, k, x)
+
+
+cdef inline void least_range(const Grid* g, const Grown* b, Range* r) noexcept nogil:
+    """The voxels that any box has whose sides are on both sides of, or at, these; by arithmetic,
+    never one more. It ends before it begins where there need be none."""
+    cdef int k
+    for k in range(3):
+        r.lo[k] = roughly(g, k, b.lo[k] - 2.0 * g.grow, g.slack[k])
+        r.hi[k] = roughly(g, k, b.hi[k] + 2.0 * g.grow, -g.slack[k])
 
 
 cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil:
@@ -299,11 +308,12 @@ cdef inline bint walk_leave(Walk* w, int shift) noexcept nogil:
 cdef inline int entered_by(const Range* r, int x, int y, int z) noexcept nogil:
     """The faces, as bits, by which a ray comes into the range at a voxel of it.
 
-    START always counts: the walk began inside.
+    START always counts: the walk began inside. Where only the least that a range holds is known,
+    and voxels beyond that may be its own, the faces are those by which a ray may come in.
     """
     return (
         1 << START
-        | (x == r.lo[0]) << LOW | (x == r.hi[0]) << HIGH
-        | (y == r.lo[1]) << (LOW + 1) | (y == r.hi[1]) << (HIGH + 1)
-        | (z == r.lo[2]) << (LOW + 2) | (z == r.hi[2]) << (HIGH + 2)
+        | (x <= r.lo[0]) << LOW | (x >= r.hi[0]) << HIGH
+        | (y <= r.lo[1]) << (LOW + 1) | (y >= r.hi[1]) << (HIGH + 1)
+        | (z <= r.lo[2]) << (LOW + 2) | (z >= r.hi[2]) << (HIGH + 2)
     )

@@ -11,6 +11,7 @@ from bfrt.scene.sweep import Sweep
 def intersect(
     sweep: Sweep,
     ranges: NDArray[np.int64],
+    parents: NDArray[np.float32] | None,
     lattice: Lattice,
     voxel_rays: VoxelRays,
     rays: NDArray[Any],

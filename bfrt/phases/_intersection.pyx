@@ -2,13 +2,14 @@
 
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from bfrt.geometry.box cimport Grown, box_empty, box_grow
-from bfrt.geometry.grid cimport Grid, Range, entered_by
+from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
+from bfrt.geometry.grid cimport Grid, Range, entered_by, least_range
 from bfrt.geometry.lanes cimport (
     BOXES, LANES, Lanes, Sides, box_ranges, grown_lanes, range_union, sides_of,
 )
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.geometry.shape cimport Meeting, Shape, shape_load, shape_meet
+from bfrt.geometry.quantised cimport Coding, coding_in, innermost
+from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
 from bfrt.phases.nearby cimport rays_within
@@ -18,7 +19,9 @@ from bfrt.phases.voxel_rays cimport (
     entry_ray, lower_of, lowest_bit, occupied, upper_at, uppers_of,
 )
 from bfrt.records cimport INDEX_BITS, Crossing, Ray
-from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, fetch
+from bfrt.scene.sweep cimport (
+    Sweep, advance_block, advance_coded, advance_coded_to, advance_to, fetch,
+)
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -33,10 +36,16 @@ cdef struct Search:
     Sides sides
     Ray* rays
     Grown box
+    Grown own              # the same as the object's geometry has it, where the box is quantised
+    bint degenerate
     uint64_t id
     int place              # of the object in the sweep's block
     Range range
+    Range least            # what the range of its box holds at the least; of a box as it is, that
     Range upper            # the upper voxels of the range
+    Coding coding
+    bint coded             # whether the box is quantised
+    bint rough             # and `least` is to be found yet
     Shape shape
     bint loaded
     int gathered
@@ -60,6 +69,33 @@ cdef int cross_pending(Search* s) except -1 nogil:
     return 0
 
 
+cdef int load(Search* s, Sweep w) except -1 nogil:
+    """Fetch the object's geometry; where its box is quantised, work that out as it was."""
+    cdef const unsigned char* record = fetch(w, s.place)
+    cdef bint whole = shape_load(w.kind, record, w.count, &w.frame, &s.shape)
+    cdef Box box
+    s.loaded = True
+    if s.coded:
+        s.degenerate = not whole
+        if whole:
+            shape_bounds(&s.shape, &box)
+            box_grow(&box, s.grid.grow, &s.own)
+    return 0
+
+
+cdef void meet_own_box(Search* s) noexcept nogil:
+    """Of the rays that met the quantised box, keep those that meet the object's own."""
+    cdef int i, n = 0
+    cdef Meeting* m
+    for i in range(s.pending):
+        m = &s.meetings[i]
+        if not s.degenerate and grown_span(&s.own, &m.line, &m.span):
+            if m.span.near <= atomic_load(&s.rays[m.mark].t):
+                s.meetings[n] = m[0]
+                n += 1
+    s.pending = n
+
+
 cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
     """Intersect the object with the rays that met its box, and keep the nearest hits, or all.
 
@@ -68,11 +104,10 @@ cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
     cdef int i
     cdef Meeting* m
     cdef Ray* r
-    cdef const unsigned char* record
     if not s.loaded:
-        record = fetch(w, s.place)
-        shape_load(w.kind, record, w.count, &w.frame, &s.shape)
-        s.loaded = True
+        load(s, w)
+    if s.coded:
+        meet_own_box(s)
     s.object_tests += s.pending
     if s.found != NULL:
         cross_pending(s)
@@ -139,12 +174,23 @@ cdef inline int gather(Search* s, Sweep w, uint32_t ray) except -1 nogil:
     return 0
 
 
+cdef void narrow(Search* s, Sweep w) noexcept nogil:
+    """Find out what the range of a quantised box holds at the least."""
+    cdef Grown inside
+    innermost(&s.coding, &w.box[s.place], &inside)
+    least_range(s.grid, &inside, &s.least)
+    s.rough = False
+
+
 cdef inline int meet_entries(Search* s, Sweep w, VoxelRays v, int64_t first, int64_t last, int x,
                              int y, int z) except -1 nogil:
     """The rays of one voxel's entries that enter the object's region by it."""
     cdef int64_t i
     cdef uint64_t entry
-    cdef int faces = entered_by(&s.range, x, y, z)
+    cdef int faces
+    if s.rough:
+        narrow(s, w)
+    faces = entered_by(&s.least, x, y, z)
     for i in range(first, last):
         entry = v.entries[i]
         if faces >> entry_face(entry) & 1:
@@ -289,20 +335,26 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
             s.id = (<uint64_t>w.number << INDEX_BITS) + <uint64_t>(w.first + i)
             s.loaded = False
             box_grow(&w.box[i], s.grid.grow, &s.box)
-            s.range = ranges[i]
+            s.range = s.least = ranges[i]
+            s.rough = s.coded
             s.upper = uppers_of(v, &s.range)
             meet_rays(s, w, v)
     return 0
 
 
-def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelRays voxel_rays,
-              Ray[::1] rays, Crossing[::1] crossings=None, emit=None):
+def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
+              Lattice lattice, VoxelRays voxel_rays, Ray[::1] rays, Crossing[::1] crossings=None,
+              emit=None):
     """Test objects of a sweep against the rays stored in their voxels.
 
     Parameters
     ----------
     ranges : (n, 2) int64
         IN. First and end of runs of objects, ascending, in the sweep's window.
+    parents : (n, 6) float32, optional
+        IN. The box around the objects of each run, in which theirs are quantised: those are read
+        then. A ray that is stored in several voxels of a quantised box meets it there each time,
+        so that it is no way to find all hits.
     rays : (active,) records.RAY
         IN, OUT: t and id become those of the nearest hit. Threads share them.
     crossings : (room,) records.CROSSING, optional
@@ -317,6 +369,7 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelR
     cdef Search s
     cdef Found found
     cdef int64_t k
+    cdef int n
     s.found = NULL
     if crossings is not None:
         found.crossings, found.n, found.room = &crossings[0], 0, crossings.shape[0]
@@ -326,14 +379,21 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, VoxelR
     sides_of(s.grid, &s.sides)
     s.rays = &rays[0]
     s.gathered = s.pending = 0
+    s.coded = parents is not None
     s.box_tests = s.object_tests = 0
     with nogil:
         for k in range(ranges.shape[0]):
-            advance_to(sweep, ranges[k, 0])
+            if s.coded:
+                coding_in(<const Box*>&parents[k, 0], &s.coding)
+                advance_coded_to(sweep, ranges[k, 0])
+            else:
+                advance_to(sweep, ranges[k, 0])
             while sweep.index < ranges[k, 1]:
-                meet_block(
-                    &s, sweep, voxel_rays, advance_block(sweep, ranges[k, 1] - sweep.index)
-                )
+                if s.coded:
+                    n = advance_coded(sweep, ranges[k, 1] - sweep.index, &s.coding)
+                else:
+                    n = advance_block(sweep, ranges[k, 1] - sweep.index)
+                meet_block(&s, sweep, voxel_rays, n)
         if s.found != NULL:
             hand_over(s.found)
     return s.box_tests, s.object_tests

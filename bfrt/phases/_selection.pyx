@@ -68,7 +68,7 @@ cdef class Selection:
         self.end[self.top] = self.counts[self.top]
         self.level = self.top
 
-    def select(self, Lattice lattice, where, int64_t[:, ::1] ranges):
+    def select(self, Lattice lattice, where, int64_t[:, ::1] ranges, float[:, ::1] parents=None):
         """Find the next ranges of objects.
 
         Parameters
@@ -77,6 +77,8 @@ cdef class Selection:
             The voxels that hold rays, or those of a part of the grid.
         ranges : (capacity, 2) int64
             OUT. First and end of each, ascending.
+        parents : (capacity, 6) float32, optional
+            OUT. The box around the objects of each range, which are then those of one parent.
 
         Returns
         -------
@@ -105,10 +107,13 @@ cdef class Selection:
                 continue
             if k > 1:
                 self.descend(k - 1, begin, parent.end)
-            elif n and ranges[n - 1, 1] == begin and parent.end - ranges[n - 1, 0] <= JOINED:
+            elif (parents is None and n and ranges[n - 1, 1] == begin
+                    and parent.end - ranges[n - 1, 0] <= JOINED):
                 ranges[n - 1, 1] = parent.end
             else:
                 ranges[n, 0], ranges[n, 1] = begin, parent.end
+                if parents is not None:
+                    (<Box*>&parents[n, 0])[0] = (<const Box*>&parent)[0]
                 n += 1
         return n
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.phases._intersection import intersect
-from bfrt.phases.selection import Selections, sweep_all, sweep_near
+from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
 from bfrt.phases.traversal import Flight
 from bfrt.scene.objects import Objects
 from bfrt.scene.sweep import Sweep
@@ -40,14 +40,16 @@ def intersect_all(
     tallies: list[tuple[int, int]] = []
     phase = counters.phases.intersection
 
-    def meet(sweep: Sweep, ranges: NDArray[np.int64]) -> None:
+    def meet(sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
         crossings = () if flight.crossings is None else flight.crossings.buffer()
-        tallies.append(intersect(sweep, ranges, flight.lattice, voxel_rays, rays, *crossings))
+        where = flight.lattice, voxel_rays
+        tallies.append(intersect(sweep, ranges, parents, *where, rays, *crossings))
 
     if selections is None:
         swept = boxes = sweep_all(objects, meet)
     else:
-        swept = sweep_near(objects, selections, flight.lattice, voxel_rays, meet)
+        nearest = flight.crossings is None
+        swept = sweep_near(objects, selections, flight.lattice, voxel_rays, meet, quantised=nearest)
         boxes = swept + selections.count(phase)
     counters.sweep(boxes, objects)
     phase.swept(objects)

@@ -21,7 +21,7 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._preprocess import mark
 from bfrt.phases._slabs import pack
 from bfrt.phases.partition import Partition, subspaces
-from bfrt.phases.selection import Selections, sweep_all, sweep_near
+from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
 from bfrt.phases.subspace import Subspace
 from bfrt.scene.marks import (
     BRICK,
@@ -137,13 +137,16 @@ class Marking:
         subspace = Subspace(self._lattice, begin, end)
         phase = self._counters.phases.preprocess
 
-        def loop(sweep: Sweep, ranges: NDArray[np.int64]) -> None:
+        def loop(sweep: Sweep, ranges: NDArray[np.int64], _: Parents | None) -> None:
             mark(sweep, ranges, self._lattice, subspace, marks)
 
         if self._selections is None or not partial:
             boxes = sweep_all(self._objects, loop)
         else:
-            boxes = sweep_near(self._objects, self._selections, self._lattice, subspace, loop)
+            # Marks are of the boxes as they are.
+            boxes = sweep_near(
+                self._objects, self._selections, self._lattice, subspace, loop, quantised=False
+            )
             boxes += self._selections.count(phase)
         self._counters.sweep(boxes, self._objects)
         phase.swept(self._objects)

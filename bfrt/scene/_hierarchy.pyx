@@ -1,9 +1,11 @@
-"""Sequential merging: boxes in, in their order, fewer and larger boxes out."""
+"""Sequential merging: boxes in, in their order, fewer and larger boxes out; and boxes quantised in
+those."""
 
 cimport cython
 from libc.stdint cimport int64_t
 
 from bfrt.geometry.box cimport Box, box_clear, box_empty, box_union
+from bfrt.geometry.quantised cimport Coding, coding_in, encode
 from bfrt.records cimport Parent
 
 
@@ -26,14 +28,19 @@ cdef class Merger:
     ----------
     limit : float
         The surface that a merged box has at the most: T A_all.
+    most : int
+        Boxes that are merged into one at the most.
     """
 
     cdef Box box[2]  # what is merged so far, and the next
     cdef double limit
+    cdef int64_t most
+    cdef int64_t begin
     cdef int64_t end
 
-    def __cinit__(self, double limit):
+    def __cinit__(self, double limit, int64_t most):
         self.limit = limit
+        self.most = most
         box_clear(&self.box[0])
 
     def merge(self, const float[:, ::1] boxes, Parent[::1] out):
@@ -57,12 +64,15 @@ cdef class Merger:
             for i in range(boxes.shape[0]):
                 self.box[1] = (<const Box*>&boxes[i, 0])[0]
                 box_union(&self.box[0], 2, &both)
-                if self.end == 0 or area_of(&both) <= self.limit:
+                if self.end == 0 or (
+                    area_of(&both) <= self.limit and self.end - self.begin < self.most
+                ):
                     self.box[0] = both
                 else:
                     (<Box*>&out[made].lox)[0] = self.box[0]
                     out[made].end = self.end
                     made += 1
+                    self.begin = self.end
                     self.box[0] = self.box[1]
                 self.end += 1
         return made
@@ -74,3 +84,28 @@ cdef class Merger:
         (<Box*>&out[0].lox)[0] = self.box[0]
         out[0].end = self.end
         return 1
+
+
+def quantise(const float[:, ::1] boxes, const Parent[::1] parents, int64_t first,
+             unsigned char[:, ::1] codes):
+    """Code the boxes that lie in some parents.
+
+    Parameters
+    ----------
+    boxes : (n, 6) float32
+        IN. The children of the parents, in their order.
+    parents : (m,) records.PARENT
+        IN.
+    first : int
+        The number of the first box, in which parents' ends count.
+    codes : (n, 6) uint8
+        OUT. As bfrt/geometry/quantised.pxd has them.
+    """
+    cdef Coding coding
+    cdef int64_t i = 0, k
+    with nogil:
+        for k in range(parents.shape[0]):
+            coding_in(<const Box*>&parents[k].lox, &coding)
+            while i < min(parents[k].end - first, boxes.shape[0]):
+                encode(&coding, <const Box*>&boxes[i, 0], &codes[i, 0])
+                i += 1

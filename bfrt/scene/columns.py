@@ -198,7 +198,10 @@ class StreamWriter:
 
     def expect(self, count: int, surface: float, settings: Hierarchy) -> None:
         """Make the first level as the objects come, of which there will be `count`, 1 or more."""
-        self.first_level = Level(self._folder, 1, count, surface, settings, self._durable)
+        self.first_level = Level(
+            self._folder, 1, count, surface, settings, self._durable,
+            quantised=self.is_quantised(settings),
+        )  # fmt: skip
         self._expected = count
 
     def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
@@ -216,7 +219,12 @@ class StreamWriter:
             settings,
             self._durable,
             self.first_level,
+            quantised=self.is_quantised(settings),
         )
+
+    def is_quantised(self, settings: Hierarchy) -> bool:
+        """Whether boxes are kept quantised too: not of spheres, whose records are as small."""
+        return settings.bits > 0 and self.kind != Kind.SPHERE
 
     def close(self) -> dict[str, Any]:
         """Make the files durable; returns the stream's part of the header, without levels."""
@@ -236,6 +244,7 @@ class StreamWriter:
             "vertices": self.vertices,
             "largest": self.largest,
             "levels": [],
+            "quantised": False,
             "files": files,
         }
 
@@ -244,7 +253,7 @@ class StreamWriter:
             file.abandon()
         self.materials.abandon()
         if self.first_level is not None:
-            self.first_level.file.abandon()
+            self.first_level.abandon()
 
 
 def file_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:

@@ -68,13 +68,13 @@ class GroupWriter:
         begun = [s.first_level for s in self.streams.values() if s.first_level is not None]
         start = time.perf_counter() - sum(level.seconds for level in begun)
         for header in headers:
-            levels = self.streams[Kind(header["kind"])].make_levels(
-                self._hierarchy, surface, origin
-            )
+            stream = self.streams[Kind(header["kind"])]
+            levels = stream.make_levels(self._hierarchy, surface, origin)
             header["levels"] = [level.count for level in levels]
-            for number, level in enumerate(levels, 1):
-                facts = {"bytes": level.file.bytes, "crc32": level.file.checksum}
-                header["files"][f"level{number}"] = facts
+            header["quantised"] = bool(levels) and stream.is_quantised(self._hierarchy)
+            for level in levels:
+                for name, file in level.files.items():
+                    header["files"][name] = {"bytes": file.bytes, "crc32": file.checksum}
         self.hierarchy_seconds = time.perf_counter() - start
         return {"streams": headers, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
 

@@ -41,8 +41,12 @@ def digest_of(header: dict[str, Any]) -> int:
 
 
 def _without_levels(stream: dict[str, Any]) -> dict[str, Any]:
-    files = {name: f for name, f in stream["files"].items() if not name.startswith("level")}
-    return {**stream, "levels": [], "files": files}
+    files = {
+        name: f
+        for name, f in stream["files"].items()
+        if name != "quantised" and not name.startswith("level")
+    }
+    return {**stream, "levels": [], "quantised": False, "files": files}
 
 
 def _wrong(value: Any, expected: str) -> ValueError:
@@ -150,6 +154,8 @@ def stream(value: Any) -> dict[str, Any]:
         0 < above <= below for below, above in itertools.pairwise([found["count"], *levels])
     ):
         raise _wrong(value["levels"], f"up to {MOST_LEVELS} levels, none larger than the one below")
+    if found["quantised"] and not levels:
+        raise _wrong(value["quantised"], "levels where boxes are quantised")
     if found["degenerate"] > found["count"] or found["material_bytes"] not in (0, 1, 2, 4):
         raise _wrong(value, "counts and widths that agree")
     return found
@@ -179,12 +185,13 @@ STREAM = fields(
     vertices=whole(1 << 32),
     largest=whole(1 << 32),
     levels=listed(whole(1 << INDEX_BITS)),
+    quantised=truth,
     files=named(FACTS),
 )
 GROUP = fields(
     streams=listed(stream), grid_bounds=optional(bounds), outliers=listed(whole(1 << 64))
 )
-HIERARCHY = fields(s=real, n=whole(1 << 63), l=whole(MOST_LEVELS + 1), t=real)
+HIERARCHY = fields(s=real, n=whole(1 << 63), l=whole(MOST_LEVELS + 1), t=real, bits=whole(9))
 CAMERA = fields(
     eye=vector,
     at=vector,

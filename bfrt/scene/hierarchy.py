@@ -7,6 +7,7 @@
     level 1    | end 4 | end 9 | end 12    | end 20 | end 31 |
                    |
     boxes      0 1 2 3 | 4 ...                                        the objects' own
+    quantised  0 1 2 3 | 4 ...                                        the same in 6 bytes each
 
 A box's children are those from where the one before it ends. Boxes are merged in the order of the
 objects while the surface of the result is at most T of the grid's, T = (s / N^(1/3))^2 for N
@@ -14,6 +15,9 @@ boxes: that of a cube of s voxels, were there as many voxels as boxes. Where N i
 levels are made, one last level takes t for T. (The paper has the scene's box for the grid's, which
 a ground polygon makes so large that all else is merged into a few boxes; ours stays out of the
 grid, so it does not count here either.)
+
+Beyond the paper, the objects' boxes are kept a second time, quantised inside their parents
+(bfrt/geometry/quantised.pxd): tracing reads those, a quarter of the bytes.
 """
 
 from __future__ import annotations
@@ -28,13 +32,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.records import PARENT
-from bfrt.scene._hierarchy import Merger
+from bfrt.records import CODE_BYTES, PARENT
+from bfrt.scene._hierarchy import Merger, quantise
 from bfrt.streams.aside import refused
 from bfrt.streams.writer import FileWriter
 
 #: The most levels that a stream may have; each takes a read buffer while a scene is rendered.
 MOST_LEVELS = 8
+
+#: The most objects of a box of the first level, where theirs are quantised in it: so many wait
+#: until it is complete.
+MOST_CHILDREN = 4096
+
+#: Bits of a quantised side, and of none.
+BITS = (8, 0)
 
 Boxes = Iterable[NDArray[np.float32]]
 
@@ -53,6 +64,9 @@ class Hierarchy:
         The last level, 1 to 8, if none before it was.
     t : float
         T for the last level: 1 merges all that is left.
+    bits : {8, 0}
+        Of each side of an object's box as it is quantised; 0 leaves those out. Spheres have none:
+        their records are as small. (No letter of the paper's.)
 
     Raises
     ------
@@ -64,10 +78,13 @@ class Hierarchy:
     n: int = 1000
     l: int = 4  # noqa: E741 (the paper's letter)
     t: float = 1.0
+    bits: int = BITS[0]
 
     def __post_init__(self) -> None:
         if not (0.0 < self.s < math.inf and self.n >= 1 and 0.0 <= self.t < math.inf):
             raise SettingError(f"hierarchy: found {self}, expected s > 0, n >= 1 and t >= 0")
+        if self.bits not in BITS:
+            raise SettingError(f"hierarchy: found bits={self.bits}, expected 8, or 0 for none")
         if not 1 <= self.l <= MOST_LEVELS:
             raise SettingError(f"hierarchy: found l={self.l}, expected 1 to {MOST_LEVELS}")
 
@@ -79,7 +96,7 @@ class Hierarchy:
 
 
 def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
-    """Settings of ``"s=3,n=1000,l=4,t=1"``, any of them; the others are the default's.
+    """Settings of ``"s=3,n=1000,l=4,t=1,bits=8"``, any of them; the others are the default's.
 
     Raises
     ------
@@ -113,6 +130,13 @@ class Level:
         How many boxes the level below has.
     surface : float
         The grid's.
+    quantised : bool
+        Whether the boxes below are kept quantised, in a file of that name.
+
+    Attributes
+    ----------
+    files : dict of str to FileWriter
+        By their names.
     """
 
     def __init__(
@@ -123,30 +147,54 @@ class Level:
         surface: float,
         settings: Hierarchy,
         durable: bool,
+        *,
+        quantised: bool = False,
     ) -> None:
         ratio, self.last = settings.threshold(below, number)
         self.path = folder / f"level{number}"
-        self.file = FileWriter(self.path, durable)
+        self.files: dict[str, FileWriter] = {}
+        try:
+            for name in [self.path.name, *(["quantised"] if quantised else [])]:
+                self.files[name] = FileWriter(folder / name, durable)
+        except BaseException:
+            self.abandon()
+            raise
         self.count = 0
         self.seconds = 0.0
-        self._merger = Merger(ratio * surface)
+        self._merger = Merger(ratio * surface, MOST_CHILDREN if quantised else 1 << 62)
+        self._waiting = np.empty((0, 6), np.float32)  # for their parent
+        self._coded = 0
 
     def add(self, boxes: NDArray[np.float32]) -> None:
         """Take the next boxes (n, 6) of the level below."""
         start = time.perf_counter()
         made = np.empty(len(boxes), PARENT)
-        self._keep(made[: self._merger.merge(boxes, made)])
+        self._keep(made[: self._merger.merge(boxes, made)], boxes)
         self.seconds += time.perf_counter() - start
 
     def finish(self) -> None:
-        """Complete the last one, and the file."""
+        """Complete the last one, and the files."""
         made = np.empty(1, PARENT)
-        self._keep(made[: self._merger.finish(made)])
-        self.file.close()
+        self._keep(made[: self._merger.finish(made)], self._waiting[:0])
+        for file in self.files.values():
+            file.close()
 
-    def _keep(self, made: NDArray[np.void]) -> None:
-        self.file.write(made)
+    def abandon(self) -> None:
+        for file in self.files.values():
+            file.abandon()
+
+    def _keep(self, made: NDArray[np.void], boxes: NDArray[np.float32]) -> None:
+        self.files[self.path.name].write(made)
         self.count += len(made)
+        if "quantised" not in self.files:
+            return
+        children = np.concatenate([self._waiting, boxes])
+        n = int(made["end"][-1]) - self._coded if len(made) else 0
+        codes = np.empty((n, CODE_BYTES), np.uint8)
+        quantise(children[:n], made, self._coded, codes)
+        self.files["quantised"].write(codes)
+        self._coded += n
+        self._waiting = children[n:].copy()
 
 
 def make_levels(
@@ -157,6 +205,8 @@ def make_levels(
     settings: Hierarchy,
     durable: bool,
     first: Level | None = None,
+    *,
+    quantised: bool = False,
 ) -> list[Level]:
     """Make the levels of a stream.
 
@@ -172,6 +222,8 @@ def make_levels(
         Of the group's grid.
     first : Level, optional
         The first level, where it was made as the objects came; `boxes` are of no use then.
+    quantised : bool
+        As for `Level`, of the first.
     """
     levels: list[Level] = []
     last = count == 0
@@ -181,7 +233,10 @@ def make_levels(
             if number == 1 and first is not None:
                 levels.append(first)
             else:
-                levels.append(Level(folder, number, count, surface, settings, durable))
+                own = quantised and number == 1
+                levels.append(
+                    Level(folder, number, count, surface, settings, durable, quantised=own)
+                )
                 for block in boxes:
                     levels[-1].add(block)
             levels[-1].finish()
@@ -189,7 +244,7 @@ def make_levels(
             boxes = level_boxes(levels[-1].path)
     except BaseException:
         for level in levels:
-            level.file.abandon()
+            level.abandon()
         raise
     return levels
 

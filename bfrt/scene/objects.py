@@ -31,7 +31,7 @@ class Objects:
     Parameters
     ----------
     buffer : int
-        Bytes of one read buffer; each worker has up to four a stream.
+        Bytes of one read buffer; each worker has up to five a stream.
     lazy : bool
         Whether geometry is read only where it is asked for.
     """

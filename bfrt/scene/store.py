@@ -11,6 +11,7 @@
       GROUP/KIND/offsets         polygons: where each ends, in vertices, uint32
       GROUP/KIND/materials       one integer an object, 1, 2 or 4 bytes (absent: all are the first)
       GROUP/KIND/level1 ...      the hierarchy: boxes around runs of boxes of the level below
+      GROUP/KIND/quantised       the objects' boxes again, in 6 bytes each (spheres go without)
       GROUP/marks                voxel marks, made by the first render
 
 ``open`` reads the header and asks for the sizes of the files; `Store.verify` reads everything.
@@ -29,7 +30,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
-from bfrt.records import BOX_BYTES, INDEX_BITS, MATERIAL, OFFSET_BYTES, PARENT_BYTES, SCALARS, Kind
+from bfrt.records import (
+    BOX_BYTES,
+    CODE_BYTES,
+    INDEX_BITS,
+    MATERIAL,
+    OFFSET_BYTES,
+    PARENT_BYTES,
+    SCALARS,
+    Kind,
+)
 from bfrt.scene.extent import NOTHING, Bounds
 from bfrt.scene.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.scene.hierarchy import Hierarchy
@@ -37,7 +47,7 @@ from bfrt.scene.model import Camera, Light, Vector
 from bfrt.streams.aside import refused
 
 MAGIC = "bfrt scene store"
-VERSION = 2
+VERSION = 3
 HEADER = "scene.json"
 MADE = "made.json"
 PALETTE = "palette"
@@ -66,6 +76,7 @@ class Stream:
     vertices: int
     largest: int
     levels: tuple[int, ...]
+    quantised: bool
     files: dict[str, FileFacts]
 
     @property
@@ -93,6 +104,8 @@ class Stream:
             sizes["materials"] = self.count * self.material_bytes
         for number, count in enumerate(self.levels, 1):
             sizes[f"level{number}"] = count * PARENT_BYTES
+        if self.quantised:
+            sizes["quantised"] = self.count * CODE_BYTES
         return sizes
 
 

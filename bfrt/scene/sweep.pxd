@@ -5,6 +5,7 @@ from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame
+from bfrt.geometry.quantised cimport CODE_BYTES, Coding, boxes_of
 from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_load
 from bfrt.records cimport POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, skip, take
@@ -18,11 +19,13 @@ cdef enum:
 cdef class Sweep:
     cdef Reader geometry
     cdef Reader boxes      # None for spheres, whose record is their box
+    cdef Reader quantised  # None where there are no such boxes
     cdef Reader offsets    # None for all but polygons
     cdef Reader materials  # None where all objects have one material
     cdef readonly int kind
     cdef readonly int number
     cdef readonly tuple tapes
+    cdef tuple readers
     cdef Frame frame
     cdef size_t stride
     cdef readonly bint lazy
@@ -51,14 +54,28 @@ cdef class Sweep:
 cdef inline int advance_to(Sweep s, int64_t index) except -1 nogil:
     """Go forward to an object of the window; what lies between is skipped."""
     cdef int64_t n = index - s.index
+    skip_records(s, n)
+    if n > 0 and s.boxes is not None:
+        skip(s.boxes, n * BOX_BYTES)
+    return 0
+
+
+cdef inline int advance_coded_to(Sweep s, int64_t index) except -1 nogil:
+    """The same on the way by quantised boxes."""
+    cdef int64_t n = index - s.index
+    skip_records(s, n)
+    if n > 0:
+        skip(s.quantised, n * CODE_BYTES)
+    return 0
+
+
+cdef inline int skip_records(Sweep s, int64_t n) except -1 nogil:
     if n <= 0:
         return 0
     if s.kind == POLYGON:
         skip(s.offsets, (n - 1) * OFFSET_BYTES)
         s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
-    if s.boxes is not None:
-        skip(s.boxes, n * BOX_BYTES)
-    s.index = index
+    s.index += n
     return 0
 
 
@@ -122,11 +139,24 @@ cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
                 sphere_bounds(&sphere, &s.box[i])
             else:
                 box_clear(&s.box[i])
+    clear_outliers(s)
+    return n
+
+
+cdef inline int advance_coded(Sweep s, int64_t most, const Coding* coding) except -1 nogil:
+    """The same with quantised boxes, of objects of one parent."""
+    cdef int n = advance_records(s, most)
+    boxes_of(coding, take(s.quantised, CODE_BYTES * n), n, &s.box[0])
+    clear_outliers(s)
+    return n
+
+
+cdef inline void clear_outliers(Sweep s) noexcept nogil:
+    """Rays meet them before they enter the grid."""
     while s.outlier < s.outliers.shape[0] and s.outliers[s.outlier] < s.index:
         if s.outliers[s.outlier] >= s.first:
             box_clear(&s.box[s.outliers[s.outlier] - s.first])
         s.outlier += 1
-    return n
 
 
 cdef inline int advance(Sweep s) except -1 nogil:

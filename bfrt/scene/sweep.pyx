@@ -7,6 +7,7 @@ degenerate object is: nothing in the grid meets it again.
 cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
+from bfrt.geometry.quantised cimport CODE_BYTES
 from bfrt.geometry.vector cimport vec
 from bfrt.records cimport POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, take
@@ -36,6 +37,7 @@ cdef class Sweep:
 
     def __cinit__(self, stream, origin, const int64_t[::1] outliers, size_t capacity, tapes=None,
                   bint lazy=False):
+        cdef size_t largest
         names = ["geometry"]
         self.kind = stream.kind
         self.number = stream.number
@@ -51,27 +53,31 @@ cdef class Sweep:
         self.material_bytes = stream.material_bytes
         if self.material_bytes:
             names.append("materials")
+        if stream.quantised and lazy:
+            names.append("quantised")
         self.tapes = tapes or tuple(Tape(stream.path(name)) for name in names)
         largest = self.stride * max(BLOCK, stream.largest)
         self.lazy = lazy
-        self.geometry = Reader(self.tapes[0], max(capacity, largest), lazy)
-        if self.kind != SPHERE:
-            self.boxes = Reader(self.tapes[1], capacity, lazy)
-        if self.kind == POLYGON:
-            self.offsets = Reader(self.tapes[2], capacity // 8, lazy)
-        if self.material_bytes:
-            self.materials = Reader(self.tapes[len(names) - 1], capacity // 8, lazy)
+        room = {
+            "geometry": max(capacity, largest), "boxes": capacity, "quantised": capacity // 4,
+            "offsets": capacity // 8, "materials": capacity // 8,
+        }  # fmt: skip
+        readers = {
+            name: Reader(tape, room[name], lazy)
+            for name, tape in zip(names, self.tapes, strict=True)
+        }
+        self.geometry = readers["geometry"]
+        self.boxes = readers.get("boxes")
+        self.quantised = readers.get("quantised")
+        self.offsets = readers.get("offsets")
+        self.materials = readers.get("materials")
+        self.readers = tuple(readers.values())
         self.rewind()
 
     def rewind(self):
         """Begin again at the first object."""
-        self.geometry.rewind()
-        if self.boxes is not None:
-            self.boxes.rewind()
-        if self.offsets is not None:
-            self.offsets.rewind()
-        if self.materials is not None:
-            self.materials.rewind()
+        for reader in self.readers:
+            reader.rewind()
         self.index = self.vertex = self.outlier = self.fetched = 0
 
     cpdef int window(self, int64_t first, int64_t last) except -1:
@@ -89,6 +95,8 @@ cdef class Sweep:
         self.geometry.window(begin * <int64_t>self.stride, end * <int64_t>self.stride)
         if self.boxes is not None:
             self.boxes.window(first * BOX_BYTES, last * BOX_BYTES)
+        if self.quantised is not None:
+            self.quantised.window(first * CODE_BYTES, last * CODE_BYTES)
         self.index = first
         self.fetched = begin
         while self.outlier < self.outliers.shape[0] and self.outliers[self.outlier] < first:

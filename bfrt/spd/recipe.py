@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import Cancelled, DiskFullError, SettingError
-from bfrt.records import BOX_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
+from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene.columns import prepare
 from bfrt.scene.extent import Extent
 from bfrt.scene.hierarchy import Hierarchy
@@ -168,8 +168,8 @@ class SpdScene(abc.ABC):
 
     @property
     def store_bytes(self) -> int:
-        """What its store takes on disk at the most, without the header and the hierarchy, which is
-        a twentieth of it or less; known before anything is made."""
+        """What its store takes on disk at the most, without the header and the hierarchy; known
+        before anything is made."""
         width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
         total = len(self.materials) * MATERIAL_BYTES
         for kind, count in self.counts.items():
@@ -178,6 +178,12 @@ class SpdScene(abc.ABC):
             total += 0 if kind == Kind.SPHERE else count * BOX_BYTES
             total += count * OFFSET_BYTES if kind == Kind.POLYGON else 0
         return total
+
+    @property
+    def hierarchy_bytes(self) -> int:
+        """And its hierarchy: levels of a twentieth of that or less, quantised boxes."""
+        boxed = sum(count for kind, count in self.counts.items() if kind != Kind.SPHERE)
+        return self.store_bytes // 20 + boxed * CODE_BYTES
 
     def blocks(self, limit: int = BLOCK_OBJECTS, dtype: Scalar = np.float64) -> Iterator[Block]:
         """The objects, block by block, in the package's order."""
@@ -241,7 +247,7 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
-        check_room(path, self.store_bytes + self.store_bytes // 20)  # and the hierarchy
+        check_room(path, self.store_bytes + self.hierarchy_bytes)
         with SceneWriter(
             path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy
         ) as writer:

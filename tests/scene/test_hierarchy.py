@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import bfrt
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import PARENT, Kind
-from bfrt.scene._hierarchy import Merger
+from bfrt.scene._hierarchy import Merger, quantise
 from bfrt.scene.extent import Bounds
 from bfrt.scene.hierarchy import Hierarchy, make_levels, parse_hierarchy
 
@@ -50,8 +50,8 @@ def slow_merge(boxes, limit):
     return made
 
 
-def merged(boxes, limit, cuts):
-    merger, parts = Merger(limit), []
+def merged(boxes, limit, cuts, most=1 << 62):
+    merger, parts = Merger(limit, most), []
     for a, b in itertools.pairwise([0, *cuts, len(boxes)]):
         out = np.empty(b - a, PARENT)
         parts.append(out[: merger.merge(boxes[a:b], out)])
@@ -66,6 +66,60 @@ def test_merging_is_the_papers(seed, n, data):
     boxes, limit = random_boxes(rng, n), 10.0 ** rng.uniform(-3, 3)
     cuts = sorted(data.draw(st.lists(st.integers(0, n), max_size=5)))
     assert merged(boxes, limit, cuts) == slow_merge(boxes, limit)
+
+
+def test_a_parent_has_no_more_children_than_may_be():
+    boxes = random_boxes(np.random.default_rng(5), 100)
+    parents = merged(boxes, np.inf, [30], most=40)
+    assert [parent[-1] for parent in parents] == [40, 80, 100]
+
+
+def sides_of(parents, codes):
+    """What codes stand for, in float32: box = parent's low sides + steps, high sides - steps."""
+    lo, hi = parents[:, :3], parents[:, 3:]
+    exact = (hi.astype(np.float64) - lo) / 255
+    step = exact.astype(np.float32)
+    step = np.where(step < exact, np.nextafter(step, np.float32(np.inf)), step)
+    codes = codes.astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return lo + codes[:, :3] * step, hi - codes[:, 3:] * step
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    n=st.integers(1, 300),
+    scale=st.sampled_from([1e-44, 1e-30, 1.0, 1e30, 3e38]),
+    far=st.sampled_from([0.0, 1.0, 1e4, 1e7]),
+)
+def test_quantised_boxes_are_no_smaller_and_less_than_a_step_larger(seed, n, scale, far):
+    rng = np.random.default_rng(seed)
+    center = rng.uniform(-0.4, 0.4, (n, 3)) + far
+    center[:, rng.random(3) < 0.2] = far  # some parents are flat
+    half = rng.uniform(0, 0.1, (n, 1)) * (center != far)
+    with np.errstate(over="ignore"):
+        boxes = (np.hstack([center - half, center + half]) * scale).astype(np.float32)
+    boxes = np.clip(boxes, -3.4e38, 3.4e38)
+    boxes[rng.random(n) < 0.1] = [np.inf] * 3 + [-np.inf] * 3
+    ends = np.unique(np.append(rng.integers(1, n + 1, 3), n))
+    parents = np.zeros(len(ends), PARENT)
+    for parent, begin, end in zip(parents, [0, *ends[:-1]], ends, strict=True):
+        lo, hi = boxes[begin:end, :3].min(axis=0), boxes[begin:end, 3:].max(axis=0)
+        parent["lox"], parent["loy"], parent["loz"] = lo
+        parent["hix"], parent["hiy"], parent["hiz"] = hi
+        parent["end"] = end
+    codes = np.empty((n, 6), np.uint8)
+    quantise(boxes, parents, 0, codes)
+    around = parents.view("<f4").reshape(-1, 8)[:, :6]
+    around = np.repeat(around, np.diff(ends, prepend=0), axis=0)
+    whole = boxes[:, 0] <= boxes[:, 3]
+    around, boxes, codes = around[whole], boxes[whole], codes[whole]
+    lo, hi = sides_of(around, codes)
+    assert (lo <= boxes[:, :3]).all() and (hi >= boxes[:, 3:]).all()
+    flat = around[:, :3] == around[:, 3:]
+    next_lo, next_hi = sides_of(around, codes.astype(np.int64) + 1)
+    last = codes == 255
+    assert ((next_lo > boxes[:, :3]) | flat | last[:, :3]).all()
+    assert ((next_hi < boxes[:, 3:]) | flat | last[:, 3:]).all()
 
 
 @given(seed=st.integers(0, 2**32), n=st.integers(1, 3000))
@@ -104,7 +158,7 @@ def test_threshold_is_a_cube_of_s_voxels():
 
 
 def test_settings_of_the_paper():
-    assert Hierarchy() == Hierarchy(s=3.0, n=1000, l=4, t=1.0)
+    assert Hierarchy() == Hierarchy(s=3.0, n=1000, l=4, t=1.0, bits=8)
     for name in bfrt.spd.NAMES:
         expected = 0.5 if name in ("balls", "gears", "tree") else 1.0
         assert bfrt.spd.scene(name, 2).hierarchy == Hierarchy(t=expected)
@@ -112,6 +166,7 @@ def test_settings_of_the_paper():
 
 def test_settings_as_text():
     assert parse_hierarchy("s=2, t=0.25") == Hierarchy(s=2.0, t=0.25)
+    assert parse_hierarchy("bits=0") == Hierarchy(bits=0)
     assert parse_hierarchy("n=5,l=2", Hierarchy(t=0.5)) == Hierarchy(n=5, l=2, t=0.5)
     for text in ("", "s", "s=x", "q=1", "n=1.5", "s=1;t=2"):
         with pytest.raises(SettingError, match="expected settings such as s=3"):
@@ -119,7 +174,7 @@ def test_settings_as_text():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"s": 0}, {"s": np.nan}, {"n": 0}, {"l": 0}, {"l": 9}, {"t": -1}]
+    "wrong", [{"s": 0}, {"s": np.nan}, {"n": 0}, {"l": 0}, {"l": 9}, {"t": -1}, {"bits": 7}]
 )
 def test_settings_out_of_range(wrong):
     with pytest.raises(SettingError, match="hierarchy: found"):

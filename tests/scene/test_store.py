@@ -71,6 +71,7 @@ NAMES = [
     *(f"0/{kind}/geometry" for kind in ("cone", "patch", "polygon", "sphere", "triangle")),
     *(f"0/{kind}/level1" for kind in ("cone", "patch", "polygon", "sphere", "triangle")),
     *(f"0/{kind}/boxes" for kind in ("cone", "patch", "polygon", "triangle")),
+    *(f"0/{kind}/quantised" for kind in ("cone", "patch", "polygon", "triangle")),
     "0/polygon/offsets",
     *(f"0/{kind}/materials" for kind in ("cone", "patch", "polygon", "sphere", "triangle")),
     "palette",
@@ -149,8 +150,8 @@ def test_a_header_that_may_not_be_read(path):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("version", 1, "found format version 1, expected 2: convert the scene again"),
-        ("version", "1", "found format version '1', expected 2"),
+        ("version", 1, "found format version 1, expected 3: convert the scene again"),
+        ("version", "1", "found format version '1', expected 3"),
         ("magic", "another", "found 'another', expected 'bfrt scene store'"),
         ("magic", ["x"] * 999, "expected 'bfrt scene store'"),
     ],
@@ -165,17 +166,17 @@ def test_another_version_or_magic(path, key, value, message):
 
 
 DEEP = b"[" * 100_000
-NESTED = b'{"magic": "bfrt scene store", "version": 2, "x": ' + b"[" * 900 + b"]" * 900 + b"}"
+NESTED = b'{"magic": "bfrt scene store", "version": 3, "x": ' + b"[" * 900 + b"]" * 900 + b"}"
 
 
 @given(data=st.binary(max_size=200))
 @example(data=b"")
 @example(data=b"null")
 @example(data=b'{"magic": "bfrt scene store"}')
-@example(data=b'{"magic": "bfrt scene store", "version": 2}')
-@example(data=b'{"magic": "bfrt scene store", "version": 2, "checksum": NaN}')
-@example(data=b'{"magic": "bfrt scene store", "version": 2, "checksum": 1e999}')
-@example(data=b'{"magic": "bfrt scene store", "version": 2, "x": "\\ud800"}')
+@example(data=b'{"magic": "bfrt scene store", "version": 3}')
+@example(data=b'{"magic": "bfrt scene store", "version": 3, "checksum": NaN}')
+@example(data=b'{"magic": "bfrt scene store", "version": 3, "checksum": 1e999}')
+@example(data=b'{"magic": "bfrt scene store", "version": 3, "x": "\\ud800"}')
 @example(data=b'{"magic": {}, "version": ' + b"9" * 5000 + b"}")
 @example(data=b"\xff\xfe{\x00}\x00")
 @example(data=DEEP)
@@ -285,6 +286,8 @@ def used(store):
         (("groups", 0, "outliers"), [object_id(2, 99)], "expected an object of group 0"),
         (("groups", 0, "outliers"), [object_id(7, 0)], "expected an object of group 0"),
         (("groups", 0, "grid_bounds"), None, "a grid that does not fit them"),
+        (("groups", 0, "streams", 1, "levels"), [], "levels where boxes are quantised"),
+        (("groups", 0, "streams", 1, "quantised"), False, "the header contradicts its own counts"),
         (("groups",), [], "groups: found none"),
         (("groups",), {}, "groups: found {}, expected a list"),
         (("bounds",), [[1, 1, 1], [0, 2, 2]], "a lower and a higher corner"),
@@ -298,7 +301,7 @@ def used(store):
         (("lights", 0), [], "lights: found [], expected a list of 2"),
         (("palette", "bytes"), 97, "palette: found 97 bytes"),
         (("more",), 1, "expected an object with magic, version, origin"),
-        (("version",), 2.0, "version: found 2.0, expected a whole number"),
+        (("version",), 3.0, "version: found 3.0, expected a whole number"),
     ],
 )
 def test_a_malformed_field_is_named(path, way, value, message):
