@@ -80,6 +80,11 @@ cdef class Sweep:
             reader.rewind()
         self.index = self.vertex = self.outlier = self.fetched = 0
 
+    def expect(self, bint lonely):
+        """Know whether most of what is read lies far from the rest."""
+        for reader in self.readers:
+            reader.expect(lonely)
+
     cpdef int window(self, int64_t first, int64_t last) except -1:
         """Go forward to object `first`, to read up to `last` (exclusive)."""
         cdef int64_t begin = first, end = last

@@ -4,7 +4,8 @@ Reads are large and ask the system for the next buffer ahead of time (``posix_fa
 there is one). A short read is not the end of the file, and an interrupted one is tried again.
 
 A gap is read through where that is cheaper than to seek over it. After a seek reads begin small
-and double while they go on, so that a lonely record does not cost a whole buffer.
+and double while they go on, so that a lonely record does not cost a whole buffer. Where nearly all
+records are lonely, the system is told not to read ahead, and reads begin with a page.
 """
 
 cimport cython
@@ -29,8 +30,16 @@ cdef extern from *:
         (void)fd; (void)offset; (void)n; /* the system's own read-ahead has to do */
     #endif
     }
+    static inline void bfrt_advise(int fd, int lonely) {
+    #ifdef POSIX_FADV_RANDOM
+        (void)posix_fadvise(fd, 0, 0, lonely ? POSIX_FADV_RANDOM : POSIX_FADV_NORMAL);
+    #else
+        (void)fd; (void)lonely;
+    #endif
+    }
     """
     void prefetch "bfrt_prefetch"(int fd, int64_t offset, int64_t n) noexcept nogil
+    void advise "bfrt_advise"(int fd, int lonely) noexcept nogil
     ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
 
 cdef enum:
@@ -90,6 +99,8 @@ cdef class Reader:
     def __cinit__(self, Tape tape not None, size_t capacity, bint sparse=False):
         self.tape = tape
         self.capacity = (capacity + PAGE - 1) // PAGE * PAGE
+        self.sparse = sparse
+        self.gap = GAP
         self.least = self.span = min(self.capacity, <size_t>GAP) if sparse else self.capacity
         self.buffer = <unsigned char*>PyMem_RawMalloc(self.capacity)
         if self.buffer == NULL:
@@ -104,6 +115,16 @@ cdef class Reader:
         self.at = self.end = self.buffer
         self.position = self.stop = 0
         self.span = self.least
+
+    def expect(self, bint lonely):
+        """Know whether records are picked one by one, far from each other, from now on.
+
+        A reader that is not sparse has nothing to know.
+        """
+        if self.sparse:
+            self.gap = PAGE if lonely else GAP
+            self.least = self.span = min(self.capacity, <size_t>self.gap)
+            advise(self.tape.fd, lonely)
 
     cpdef int window(self, int64_t begin, int64_t stop) except -1:
         """Go forward to `begin`, to read up to `stop` and not a byte beyond.
@@ -143,7 +164,7 @@ cdef class Reader:
     cdef int pass_over(self, int64_t n) except -1 nogil:
         """Go beyond the buffer, inside the window."""
         cdef int64_t step
-        if n - (self.end - self.at) > GAP:
+        if n - (self.end - self.at) > self.gap:
             return self.jump(n)
         while n > 0:
             if self.at == self.end:
