@@ -101,8 +101,8 @@ cdef inline int located(const Grid* g, int k, double x) noexcept nogil:
 
 
 cdef inline void least_range(const Grid* g, const Grown* b, Range* r) noexcept nogil:
-    """The voxels that any box has whose sides are on both sides of, or at, these; by arithmetic,
-    never one more. It ends before it begins where there need be none."""
+    """The voxels that every box has whose sides are no further in than these: by arithmetic, never
+    one more. The range ends before it begins where there need be none."""
     cdef int k
     for k in range(3):
         r.lo[k] = roughly(g, k, b.lo[k] - 2.0 * g.grow, g.slack[k])

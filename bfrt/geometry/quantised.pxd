@@ -14,7 +14,6 @@ the object itself.
 """
 
 from bfrt.geometry.box cimport Box, Grown, above, box_empty
-
 from bfrt.geometry.vector cimport larger, smaller
 
 cdef extern from *:

@@ -36,12 +36,12 @@ cdef struct Search:
     Sides sides
     Ray* rays
     Grown box
-    Grown own              # the same as the object's geometry has it, where the box is quantised
-    bint degenerate
+    Grown own              # the object's own box, where the other is quantised
+    bint degenerate        # and whether it has none
     uint64_t id
     int place              # of the object in the sweep's block
     Range range
-    Range least            # what the range of its box holds at the least; of a box as it is, that
+    Range least            # what it holds at the least, where the box is quantised; else the same
     Range upper            # the upper voxels of the range
     Coding coding
     bint coded             # whether the box is quantised
