@@ -1,5 +1,5 @@
-"""Loops in vector lanes: one box against many lines, what box.pxd's `grown_span` says of each; and
-the voxels of some boxes, what grid.pxd's `box_range` says.
+"""Loops in vector lanes: one box against many lines, what box.pxd's `grown_span` says of each; the
+voxels of some boxes, what grid.pxd's `box_range` says; and some boxes coded, as quantised.pxd says.
 
 The loop is C, for Cython has no way to ask for it in several instruction sets. The best that the
 processor has is picked when the module is loaded; all give the same bits, since each is the same
@@ -13,6 +13,7 @@ cdef extern from *:
     """
     #include <float.h>
     #include <math.h>
+    #include <stdint.h>
 
     #if defined(__x86_64__) && defined(__GLIBC__) && defined(__has_attribute)
     #if __has_attribute(target_clones) && !defined(__SANITIZE_ADDRESS__)
@@ -88,6 +89,41 @@ cdef extern from *:
         }
         return differ;
     }
+
+    /* The sides that hold the boxes, and a step inwards, for each of eight boxes. */
+    typedef struct {
+        float from[BFRT_SIDES];
+        float step[BFRT_SIDES];
+    } bfrt_coding;
+
+    /* The sides of the first n boxes. */
+    BFRT_CLONES
+    static void bfrt_decode(const bfrt_coding *c, const uint8_t *code, int n, float *side)
+    {
+        for (int j = 0; j < 6 * n; j++)
+            side[j] = c->from[j] + (float)code[j] * c->step[j];
+    }
+
+    /* The codes of the first n boxes; whether one is inside, for steps are all but rounded away. */
+    BFRT_CLONES
+    static int bfrt_encode(const bfrt_coding *c, const float *side, int n, uint8_t *code)
+    {
+        int whole[BFRT_SIDES], off = 0;
+        for (int j = 0; j < 6 * n; j++) {
+            float from = c->from[j], step = c->step[j], x = side[j];
+            float in = copysignf(1.0f, step);
+            float guess = (x - from) / step;
+            guess = guess > 0.0f ? guess : 0.0f;
+            int k = (int)(guess < 255.0f ? guess : 255.0f);
+            k -= (from + (float)k * step - x) * in > 0.0f;
+            k = k < 0 ? 0 : k;
+            off |= (from + (float)k * step - x) * in > 0.0f;
+            whole[j] = k;
+        }
+        for (int j = 0; j < 6 * n; j++)
+            code[j] = (uint8_t)whole[j];
+        return off;
+    }
     """
     enum:
         BOXES "BFRT_BOXES"
@@ -101,6 +137,15 @@ cdef extern from *:
 
     int sides_voxels "bfrt_sides_voxels"(const Sides* s, const float* side, int n,
                                          int* voxel) noexcept nogil
+
+    ctypedef struct Coding "bfrt_coding":
+        float from_ "from"[48]
+        float step[48]
+
+    void decode "bfrt_decode"(const Coding* c, const unsigned char* code, int n,
+                              float* side) noexcept nogil
+    bint encode "bfrt_encode"(const Coding* c, const float* side, int n,
+                              unsigned char* code) noexcept nogil
 
     enum:
         LANES "BFRT_LANES"

@@ -5,10 +5,10 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
 from bfrt.geometry.grid cimport Grid, Range, entered_by, least_range
 from bfrt.geometry.lanes cimport (
-    BOXES, LANES, Lanes, Sides, box_ranges, grown_lanes, range_union, sides_of,
+    BOXES, LANES, Coding, Lanes, Sides, box_ranges, grown_lanes, range_union, sides_of,
 )
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.geometry.quantised cimport Coding, coding_in, innermost
+from bfrt.geometry.quantised cimport coding_in, innermost
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport vec
 from bfrt.phases.crossings cimport Found, cross, hand_over

@@ -5,7 +5,8 @@ cimport cython
 from libc.stdint cimport int64_t
 
 from bfrt.geometry.box cimport Box, box_clear, box_empty, box_union
-from bfrt.geometry.quantised cimport Coding, coding_in, encode
+from bfrt.geometry.lanes cimport BOXES, Coding
+from bfrt.geometry.quantised cimport codes_of, coding_in
 from bfrt.records cimport Parent
 
 
@@ -102,10 +103,13 @@ def quantise(const float[:, ::1] boxes, const Parent[::1] parents, int64_t first
         OUT. As bfrt/geometry/quantised.pxd has them.
     """
     cdef Coding coding
-    cdef int64_t i = 0, k
+    cdef int64_t end, i = 0, k
+    cdef int n
     with nogil:
         for k in range(parents.shape[0]):
             coding_in(<const Box*>&parents[k].lox, &coding)
-            while i < min(parents[k].end - first, boxes.shape[0]):
-                encode(&coding, <const Box*>&boxes[i, 0], &codes[i, 0])
-                i += 1
+            end = min(parents[k].end - first, boxes.shape[0])
+            while i < end:
+                n = <int>min(<int64_t>BOXES, end - i)
+                codes_of(&coding, <const Box*>&boxes[i, 0], n, &codes[i, 0])
+                i += n

@@ -5,7 +5,8 @@ from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.quantised cimport CODE_BYTES, Coding, boxes_of
+from bfrt.geometry.lanes cimport Coding
+from bfrt.geometry.quantised cimport CODE_BYTES, boxes_of
 from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_load
 from bfrt.records cimport POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, skip, take
