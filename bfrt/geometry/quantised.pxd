@@ -8,10 +8,9 @@
                                                                        box.hi <= hi - b step
 
 A box that is read back is never smaller than it was, and on each side by less than two steps
-larger.
-Sums are float32 wherever they are made, so that what was checked when a box was written is true
-when it is read. What has no point becomes something of no more than a step: who needs to know has
-the object itself.
+larger. Sums are float32 wherever they are made, so that what was checked when a box was written is
+true when it is read. What has no point becomes something of no more than a step: who needs to know
+has the object itself.
 """
 
 from bfrt.geometry.box cimport Box, Grown, above, box_empty

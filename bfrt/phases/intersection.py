@@ -42,8 +42,8 @@ def intersect_all(
 
     def meet(sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
         crossings = () if flight.crossings is None else flight.crossings.buffer()
-        where = flight.lattice, voxel_rays
-        tallies.append(intersect(sweep, ranges, parents, *where, rays, *crossings))
+        found = intersect(sweep, ranges, parents, flight.lattice, voxel_rays, rays, *crossings)
+        tallies.append(found)
 
     if selections is None:
         swept = boxes = sweep_all(objects, meet)
