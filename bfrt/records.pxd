@@ -26,6 +26,11 @@ cdef enum:
     FACE_BITS = 3
     INDEX_BITS = 48
 
+cdef enum:
+    BOX_BYTES = 24
+    CODE_BYTES = 6
+    OFFSET_BYTES = 4
+
 cdef packed struct Ray:
     double ox
     double oy

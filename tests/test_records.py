@@ -95,9 +95,10 @@ def test_enumerations_are_the_same():
         assert found[kind.name] == kind
     for why in records.RayKind:
         assert found[why.name] == why
-    for name in ("RAY_BITS", "FACE_BITS", "INDEX_BITS"):
+    named = ("RAY_BITS", "FACE_BITS", "INDEX_BITS", "BOX_BYTES", "CODE_BYTES", "OFFSET_BYTES")
+    for name in named:
         assert found[name] == getattr(records, name)
-    assert len(found) == len(records.Kind) + len(records.RayKind) + 3
+    assert len(found) == len(records.Kind) + len(records.RayKind) + len(named)
 
 
 def test_a_candidate_fills_its_bits():
@@ -115,6 +116,7 @@ def test_no_hit_is_no_object():
     [
         ("CANDIDATE_BYTES", 8),
         ("BOX_BYTES", 6 * 4),
+        ("CODE_BYTES", 6),
         ("OFFSET_BYTES", 4),
         ("FILM_BYTES", 4 * 8),
         ("AOV_BYTES", 4 + 3 * 4 + 8),

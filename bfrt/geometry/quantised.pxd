@@ -17,7 +17,6 @@ from bfrt.geometry.box cimport Box, Grown, above, box_empty
 from bfrt.geometry.lanes cimport BOXES, Coding, decode, encode
 
 cdef enum:
-    CODE_BYTES = 6
     STEPS = 255
 
 

@@ -6,14 +6,12 @@ from libc.string cimport memcpy
 from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.lanes cimport Coding
-from bfrt.geometry.quantised cimport CODE_BYTES, boxes_of
+from bfrt.geometry.quantised cimport boxes_of
 from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_load
-from bfrt.records cimport POLYGON, SPHERE
+from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, skip, take
 
 cdef enum:
-    BOX_BYTES = 24
-    OFFSET_BYTES = 4
     BLOCK = 8  # objects that a loop looks at together
 
 
@@ -71,6 +69,7 @@ cdef inline int advance_coded_to(Sweep s, int64_t index) except -1 nogil:
 
 
 cdef inline int skip_records(Sweep s, int64_t n) except -1 nogil:
+    """Leave out n objects' records, and their ends, but not their boxes."""
     if n <= 0:
         return 0
     if s.kind == POLYGON:

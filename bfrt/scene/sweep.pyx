@@ -7,9 +7,8 @@ degenerate object is: nothing in the grid meets it again.
 cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.quantised cimport CODE_BYTES
 from bfrt.geometry.vector cimport vec
-from bfrt.records cimport POLYGON, SPHERE
+from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, take
 from bfrt.errors import StoreError
 from bfrt.streams.reader import Tape

@@ -38,11 +38,6 @@ def file(tmp_path):
     return tmp_path / "a.h5"
 
 
-@pytest.fixture
-def small_blocks(monkeypatch):
-    monkeypatch.setattr(arrays_module, "BLOCK", 3)
-
-
 def write(path, datasets, layout="contiguous", libver=None):
     """A file of datasets by their names."""
     how = LAYOUTS[layout]

@@ -45,11 +45,6 @@ def npz(tmp_path):
     return tmp_path / "a.npz"
 
 
-@pytest.fixture
-def small_blocks(monkeypatch):
-    monkeypatch.setattr(arrays_module, "BLOCK", 3)
-
-
 def spheres(centers, radii):
     """What `shapes_of` gives for these."""
     rows = np.column_stack([centers, np.broadcast_to(radii, len(centers))])
