@@ -100,15 +100,6 @@ cdef inline int located(const Grid* g, int k, double x) noexcept nogil:
     return low if low == roughly(g, k, x, g.slack[k]) else locate(g, k, x)
 
 
-cdef inline void least_range(const Grid* g, const Grown* b, Range* r) noexcept nogil:
-    """The voxels that every box has whose sides are no further in than these: by arithmetic, never
-    one more. The range ends before it begins where there need be none."""
-    cdef int k
-    for k in range(3):
-        r.lo[k] = roughly(g, k, b.lo[k] - 2.0 * g.grow, g.slack[k])
-        r.hi[k] = roughly(g, k, b.hi[k] + 2.0 * g.grow, -g.slack[k])
-
-
 cdef inline void box_range(const Grid* g, const Box* b, Range* r) noexcept nogil:
     """The voxels of the box grown by 2d (rule 3)."""
     cdef int k

@@ -96,6 +96,21 @@ cdef extern from *:
         float step[BFRT_SIDES];
     } bfrt_coding;
 
+    /* The voxel of each side of the first n boxes moved further in than those that were coded can
+       be: by two steps, and one for the rounding of sums. */
+    BFRT_CLONES
+    static void bfrt_sides_inside(const bfrt_sides *s, const bfrt_coding *c, const float *side,
+                                  int n, int *voxel)
+    {
+        for (int j = 0; j < 6 * n; j++) {
+            double inside = side[j] + 3.0 * c->step[j];
+            double slack = s->grow[j] < 0.0 ? s->slack[j] : -s->slack[j];
+            double guess = ((inside + s->grow[j]) - s->first[j]) * s->inverse[j] + slack;
+            guess = guess > 0.0 ? guess : 0.0;
+            voxel[j] = (int)(guess < s->last[j] ? guess : s->last[j]);
+        }
+    }
+
     /* The sides of the first n boxes. */
     BFRT_CLONES
     static void bfrt_decode(const bfrt_coding *c, const uint8_t *code, int n, float *side)
@@ -142,6 +157,8 @@ cdef extern from *:
         float from_ "from"[48]
         float step[48]
 
+    void sides_inside "bfrt_sides_inside"(const Sides* s, const Coding* c, const float* side, int n,
+                                          int* voxel) noexcept nogil
     void decode "bfrt_decode"(const Coding* c, const unsigned char* code, int n,
                               float* side) noexcept nogil
     bint encode "bfrt_encode"(const Coding* c, const float* side, int n,
@@ -186,6 +203,13 @@ cdef inline void box_ranges(const Grid* g, const Sides* s, const Box* boxes, int
         for i in range(n):
             if not box_empty(&boxes[i]):
                 box_range(g, &boxes[i], &ranges[i])
+
+
+cdef inline void least_ranges(const Sides* s, const Coding* c, const Box* boxes, int n,
+                              Range* ranges) noexcept nogil:
+    """The voxels that the first n boxes have at the least, which are quantised: by arithmetic, never
+    one more. A range ends before it begins where there need be none."""
+    sides_inside(s, c, &boxes[0].lo[0], n, &ranges[0].lo[0])
 
 
 cdef inline void range_union(const Range* ranges, const Box* boxes, int n,

@@ -13,7 +13,7 @@ true when it is read. What has no point becomes something of no more than a step
 has the object itself.
 """
 
-from bfrt.geometry.box cimport Box, Grown, above, box_empty
+from bfrt.geometry.box cimport Box, above, box_empty
 from bfrt.geometry.lanes cimport BOXES, Coding, decode, encode
 
 cdef enum:
@@ -37,17 +37,6 @@ cdef inline void boxes_of(const Coding* c, const unsigned char* code, int n,
                           Box* boxes) noexcept nogil:
     """The first n boxes, BOXES or fewer."""
     decode(c, code, n, &boxes[0].lo[0])
-
-
-cdef inline void innermost(const Coding* c, const Box* coded, Grown* b) noexcept nogil:
-    """Sides that those of the box that was coded lie between, and its own.
-
-    A step further for the rounding of the sums.
-    """
-    cdef int k
-    for k in range(3):
-        b.lo[k] = coded.lo[k] + 3.0 * c.step[k]
-        b.hi[k] = coded.hi[k] + 3.0 * c.step[3 + k]
 
 
 cdef inline unsigned char outside(const Coding* c, int side, float x,

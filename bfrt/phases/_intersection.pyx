@@ -1,18 +1,25 @@
-"""The intersection loop: each object against the rays stored in its voxels."""
+"""The intersection loop: each object against the rays stored in its voxels.
 
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+Objects are looked at eight at a time. Where few rays wait in the voxels of the eight, these are
+gathered once and each is tested against the eight boxes; where many do, each object looks for its
+own, and its box is tested against those in lanes.
+"""
+
+from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
-from bfrt.geometry.grid cimport Grid, Range, entered_by, least_range
+from bfrt.geometry.eight cimport Eight, Regions, eight_of, eight_span, entered, regions_of
+from bfrt.geometry.grid cimport Grid, Range, entered_by
 from bfrt.geometry.lanes cimport (
-    BOXES, LANES, Coding, Lanes, Sides, box_ranges, grown_lanes, range_union, sides_of,
+    BOXES, LANES, Coding, Lanes, Sides, box_ranges, grown_lanes, least_ranges, range_union,
+    sides_of,
 )
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.geometry.quantised cimport coding_in, innermost
+from bfrt.geometry.quantised cimport coding_in
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
-from bfrt.phases.nearby cimport rays_within
+from bfrt.phases.nearby cimport MOST_NEAR, Near, entries_within
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, CROWD, VoxelRays, block_of, brick_word, covering_level, cube_word, entry_face,
@@ -27,8 +34,10 @@ from bfrt.streams.atomic cimport atomic_load, lock, unlock
 cdef extern from *:
     """
     #define bfrt_prefetch(p) __builtin_prefetch(p)
+    #define bfrt_ones(bits) __builtin_popcount(bits)
     """
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
+    int ones "bfrt_ones"(unsigned int bits) noexcept nogil
 
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
@@ -45,7 +54,7 @@ cdef struct Search:
     Range upper            # the upper voxels of the range
     Coding coding
     bint coded             # whether the box is quantised
-    bint rough             # and `least` is to be found yet
+    Near near
     Shape shape
     bint loaded
     int gathered
@@ -174,23 +183,12 @@ cdef inline int gather(Search* s, Sweep w, uint32_t ray) except -1 nogil:
     return 0
 
 
-cdef void narrow(Search* s, Sweep w) noexcept nogil:
-    """Find out what the range of a quantised box holds at the least."""
-    cdef Grown inside
-    innermost(&s.coding, &w.box[s.place], &inside)
-    least_range(s.grid, &inside, &s.least)
-    s.rough = False
-
-
 cdef inline int meet_entries(Search* s, Sweep w, VoxelRays v, int64_t first, int64_t last, int x,
                              int y, int z) except -1 nogil:
     """The rays of one voxel's entries that enter the object's region by it."""
     cdef int64_t i
     cdef uint64_t entry
-    cdef int faces
-    if s.rough:
-        narrow(s, w)
-    faces = entered_by(&s.least, x, y, z)
+    cdef int faces = entered_by(&s.least, x, y, z)
     for i in range(first, last):
         entry = v.entries[i]
         if faces >> entry_face(entry) & 1:
@@ -320,26 +318,120 @@ cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
     return 0
 
 
-cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
+cdef inline void turn_to(Search* s, Sweep w, int place) noexcept nogil:
+    """Go on to another object of the block."""
+    s.place = place
+    s.id = (<uint64_t>w.number << INDEX_BITS) + <uint64_t>(w.first + place)
+    s.loaded = False
+
+
+cdef int meet_many(Search* s, Sweep w, VoxelRays v, int n, const Range* ranges,
+                   const Range* least) except -1 nogil:
     """The n objects of a block, each against the rays in its voxels."""
-    cdef Range ranges[BOXES]
-    cdef Range all
     cdef int i
-    box_ranges(s.grid, &s.sides, &w.box[0], n, &ranges[0])
-    range_union(&ranges[0], &w.box[0], n, &all)
-    if all.hi[0] < 0 or not rays_within(&all, v):
-        return 0
     for i in range(n):
         if not box_empty(&w.box[i]):
-            s.place = i
-            s.id = (<uint64_t>w.number << INDEX_BITS) + <uint64_t>(w.first + i)
-            s.loaded = False
+            turn_to(s, w, i)
             box_grow(&w.box[i], s.grid.grow, &s.box)
-            s.range = s.least = ranges[i]
-            s.rough = s.coded
+            s.range, s.least = ranges[i], least[i]
             s.upper = uppers_of(v, &s.range)
             meet_rays(s, w, v)
     return 0
+
+
+cdef int choose(Near* near, const Regions* regions, uint8_t* which) noexcept nogil:
+    """Keep the rays that enter any of the regions, and which; returns how many."""
+    cdef int j, n = 0
+    entered(regions, near.n, near.at, &near.face[0], which)
+    for j in range(near.n):
+        if which[j]:
+            near.ray[n], which[n] = near.ray[j], which[j]
+            n += 1
+    return n
+
+
+cdef int meet_few(Search* s, Sweep w, int n, const Range* ranges,
+                  const Range* least) except -1 nogil:
+    """The n objects of a block, all against the few rays that are near any of them."""
+    cdef Regions regions
+    cdef Eight boxes
+    cdef uint8_t which[MOST_NEAR]
+    cdef double inv[MOST_NEAR][3]
+    cdef double near[MOST_NEAR][BOXES]
+    cdef double far[MOST_NEAR][BOXES]
+    cdef uint8_t met[BOXES][MOST_NEAR]
+    cdef int count[BOXES]
+    cdef const Ray* r
+    cdef double t
+    cdef int i, j, rays
+    regions_of(ranges, least, &w.box[0], n, &regions)
+    rays = choose(&s.near, &regions, &which[0])
+    if rays == 0:
+        return 0
+    for j in range(rays):
+        prefetch(&s.rays[s.near.ray[j]].ox)
+        prefetch(&s.rays[s.near.ray[j]].t)
+    eight_of(&w.box[0], n, s.grid.grow, &boxes)
+    for i in range(n):
+        count[i] = 0
+    for j in range(rays):
+        r = &s.rays[s.near.ray[j]]
+        t = atomic_load(&r.t)
+        if t < 0.0:  # a shadow ray that has met something already
+            continue
+        s.box_tests += ones(which[j])
+        eight_span(&boxes, &r.ox, &r.dx, &inv[j][0], &near[j][0], &far[j][0])
+        for i in range(n):
+            if which[j] >> i & 1 and near[j][i] <= far[j][i] and near[j][i] <= t:
+                met[i][count[i]] = <uint8_t>j
+                count[i] += 1
+    for i in range(n):
+        if count[i]:
+            turn_to(s, w, i)
+            for j in range(count[i]):
+                wait_for(
+                    s, s.near.ray[met[i][j]], &inv[met[i][j]][0], near[met[i][j]][i],
+                    far[met[i][j]][i],
+                )
+            if s.pending:
+                meet_pending(s, w)
+    return 0
+
+
+cdef inline void wait_for(Search* s, uint32_t ray, const double* inv, double near,
+                          double far) noexcept nogil:
+    """Have a ray that met the box wait for the object, unless what it met since is nearer."""
+    cdef const Ray* r = &s.rays[ray]
+    cdef Meeting* m = &s.meetings[s.pending]
+    if near > atomic_load(&r.t):
+        return
+    m.line.o = vec(r.ox, r.oy, r.oz)
+    m.line.d = vec(r.dx, r.dy, r.dz)
+    m.line.inv = vec(inv[0], inv[1], inv[2])
+    m.span.near, m.span.far = near, far
+    m.mark = ray
+    s.pending += 1
+
+
+cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
+    """The n objects of a block against the rays in their voxels."""
+    cdef Range ranges[BOXES]
+    cdef Range inside[BOXES]
+    cdef Range all
+    cdef const Range* least = &ranges[0]
+    box_ranges(s.grid, &s.sides, &w.box[0], n, &ranges[0])
+    range_union(&ranges[0], &w.box[0], n, &all)
+    if all.hi[0] < 0:
+        return 0
+    entries_within(&all, v, &s.near)
+    if s.near.n == 0 and not s.near.full:
+        return 0
+    if s.coded:
+        least_ranges(&s.sides, &s.coding, &w.box[0], n, &inside[0])
+        least = &inside[0]
+    if s.near.full:
+        return meet_many(s, w, v, n, &ranges[0], least)
+    return meet_few(s, w, n, &ranges[0], least)
 
 
 def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
