@@ -14,6 +14,7 @@ cdef extern from *:
     #include <float.h>
     #include <math.h>
     #include <stdint.h>
+    #include <string.h>
 
     #if defined(__x86_64__) && defined(__GLIBC__) && defined(__has_attribute)
     #if __has_attribute(target_clones) && !defined(__SANITIZE_ADDRESS__)
@@ -90,6 +91,23 @@ cdef extern from *:
         return differ;
     }
 
+    /* What bfrt_below says of each of the first n numbers. */
+    BFRT_CLONES
+    static void bfrt_all_below(const double *x, int n, float *below)
+    {
+        int32_t bits[BFRT_SIDES], off[BFRT_SIDES];
+        for (int j = 0; j < n; j++) {
+            float f = below[j] = (float)x[j];
+            off[j] = f == 0.0f ? (x[j] < 0.0 ? INT32_MIN : 0) : (double)f > x[j];
+        }
+        memcpy(bits, below, n * sizeof(float));
+        for (int j = 0; j < n; j++) {
+            int32_t away = 2 * (bits[j] < 0) - 1; /* to the number below: in bits, off from zero */
+            bits[j] = off[j] == INT32_MIN ? INT32_MIN + 1 : bits[j] + off[j] * away;
+        }
+        memcpy(below, bits, n * sizeof(float));
+    }
+
     /* The sides that hold the boxes, and a step inwards, for each of eight boxes. */
     typedef struct {
         float from[BFRT_SIDES];
@@ -152,6 +170,8 @@ cdef extern from *:
 
     int sides_voxels "bfrt_sides_voxels"(const Sides* s, const float* side, int n,
                                          int* voxel) noexcept nogil
+
+    void all_below "bfrt_all_below"(const double* x, int n, float* below) noexcept nogil
 
     ctypedef struct Coding "bfrt_coding":
         float from_ "from"[48]

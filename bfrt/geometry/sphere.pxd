@@ -2,8 +2,9 @@
 
 from libc.math cimport fabs, sqrt
 
-from bfrt.geometry.box cimport Box, Span, box_between
+from bfrt.geometry.box cimport Box, Span, box_between, box_clear
 from bfrt.geometry.coordinates cimport Frame, number, point
+from bfrt.geometry.lanes cimport BOXES, all_below
 from bfrt.geometry.vector cimport Line, Vec, along, dot, scale, sub, vec
 
 cdef struct Sphere:
@@ -21,6 +22,29 @@ cdef inline bint sphere_load(const unsigned char* record, const Frame* f, Sphere
 cdef inline void sphere_bounds(const Sphere* s, Box* b) noexcept nogil:
     cdef double r = fabs(s.r)
     box_between(b, vec(s.c.x - r, s.c.y - r, s.c.z - r), vec(s.c.x + r, s.c.y + r, s.c.z + r))
+
+
+cdef inline void sphere_boxes(const unsigned char* records, size_t stride, const Frame* f, int n,
+                              Box* boxes) noexcept nogil:
+    """The boxes of n spheres, BOXES or fewer: `sphere_bounds`, or empty."""
+    cdef double side[6 * BOXES]  # of the high ones the negative, so that all are rounded down
+    cdef Sphere s
+    cdef Box* b
+    cdef int i, k
+    for i in range(n):
+        sphere_load(records + i * stride, f, &s)
+        s.r = fabs(s.r)
+        side[6 * i], side[6 * i + 3] = s.c.x - s.r, -(s.c.x + s.r)
+        side[6 * i + 1], side[6 * i + 4] = s.c.y - s.r, -(s.c.y + s.r)
+        side[6 * i + 2], side[6 * i + 5] = s.c.z - s.r, -(s.c.z + s.r)
+    all_below(&side[0], 6 * n, &boxes[0].lo[0])
+    for i in range(n):
+        b = &boxes[i]
+        if number(records + i * stride, 3, f.wide) == 0.0:
+            box_clear(b)
+        else:
+            for k in range(3):
+                b.hi[k] = -b.hi[k]
 
 
 cdef inline bint sphere_roots(const Sphere* s, const Line* l, double* roots) noexcept nogil:

@@ -7,7 +7,7 @@ from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.lanes cimport Coding
 from bfrt.geometry.quantised cimport boxes_of
-from bfrt.geometry.sphere cimport Sphere, sphere_bounds, sphere_load
+from bfrt.geometry.sphere cimport sphere_boxes
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, skip, take
 
@@ -129,16 +129,10 @@ cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
 cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
     """Come to the next objects, up to `most` and BLOCK: records and boxes; returns n >= 1."""
     cdef int n = advance_records(s, most)
-    cdef int i
-    cdef Sphere sphere
     if s.boxes is not None:
         memcpy(&s.box[0], take(s.boxes, BOX_BYTES * n), BOX_BYTES * n)
     else:
-        for i in range(n):
-            if sphere_load(s.record + i * s.stride, &s.frame, &sphere):
-                sphere_bounds(&sphere, &s.box[i])
-            else:
-                box_clear(&s.box[i])
+        sphere_boxes(s.record, s.stride, &s.frame, n, &s.box[0])
     clear_outliers(s)
     return n
 
