@@ -227,8 +227,8 @@ cdef inline void box_ranges(const Grid* g, const Sides* s, const Box* boxes, int
 
 cdef inline void least_ranges(const Sides* s, const Coding* c, const Box* boxes, int n,
                               Range* ranges) noexcept nogil:
-    """The voxels that the first n boxes have at the least, which are quantised: by arithmetic, never
-    one more. A range ends before it begins where there need be none."""
+    """The voxels that the first n boxes, which are quantised, have at the least: by arithmetic,
+    never one more. A range ends before it begins where there need be none."""
     sides_inside(s, c, &boxes[0].lo[0], n, &ranges[0].lo[0])
 
 

@@ -10,6 +10,22 @@ def spans(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
 ) -> NDArray[np.float64]: ...
+def spans_of_eight(
+    boxes: NDArray[np.float32],
+    grow: float,
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+) -> NDArray[np.float64]: ...
+def entered_of_eight(
+    ranges: NDArray[np.int32],
+    least: NDArray[np.int32],
+    boxes: NDArray[np.float32],
+    voxels: NDArray[np.int32],
+    faces: NDArray[np.uint8],
+) -> NDArray[np.uint8]: ...
+def sphere_boxes(
+    records: NDArray[np.uint8], wide: bool, origin: Sequence[float]
+) -> NDArray[np.float32]: ...
 def meet(
     kind: int,
     record: NDArray[np.float64],

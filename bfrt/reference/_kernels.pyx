@@ -1,16 +1,19 @@
 """The core's inline functions, one call at a time: what tests look at them through."""
 
 from libc.math cimport INFINITY
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport int64_t, uint8_t, uint32_t
 
 import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.coordinates cimport Frame
+from bfrt.geometry.eight cimport Eight, Regions, eight_of, eight_span, entered, regions_of
+from bfrt.geometry.grid cimport Range
 from bfrt.geometry.power cimport power as core_power
 from bfrt.geometry.shape cimport (
     Meeting, Shape, Surface, shape_bounds, shape_load, shape_meet, shape_surface,
 )
+from bfrt.geometry.sphere cimport sphere_boxes as core_sphere_boxes
 from bfrt.geometry.vector cimport Line, Vec, line, vec
 
 
@@ -66,6 +69,87 @@ def spans(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
         out[i, 0], out[i, 1] = INFINITY, -INFINITY
         if box_span(&b, grow, &ray, &s):
             out[i, 0], out[i, 1] = s.near, s.far
+    return np.asarray(out)
+
+
+def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
+                   const double[:, ::1] directions):
+    """Where each ray is inside each of up to eight boxes, all of which it meets at once.
+
+    Parameters
+    ----------
+    boxes : (m, 6) float32
+    grow, origins, directions
+        As for `spans`.
+
+    Returns
+    -------
+    (n, 8, 2) float64
+        near and far; near > far for nowhere.
+    """
+    cdef double[:, :, ::1] out = np.empty((origins.shape[0], 2, 8))
+    cdef double inv[3]
+    cdef Eight eight
+    cdef int64_t i
+    eight_of(<const Box*>&boxes[0, 0], <int>boxes.shape[0], grow, &eight)
+    for i in range(origins.shape[0]):
+        eight_span(
+            &eight, &origins[i, 0], &directions[i, 0], &inv[0], &out[i, 0, 0], &out[i, 1, 0]
+        )
+    return np.swapaxes(np.asarray(out), 1, 2)
+
+
+def entered_of_eight(const int[:, ::1] ranges, const int[:, ::1] least, const float[:, ::1] boxes,
+                     const int[:, ::1] voxels, const uint8_t[::1] faces):
+    """Which of up to eight regions a ray enters that comes into a voxel by a face.
+
+    Parameters
+    ----------
+    ranges, least : (m, 6) int32
+        Their voxels, from and to; and what they hold at the least.
+    boxes : (m, 6) float32
+        Empty ones are entered by nothing.
+    voxels : (n, 3) int32
+    faces : (n,) uint8
+
+    Returns
+    -------
+    (n,) uint8
+        A bit each.
+    """
+    cdef uint8_t[::1] out = np.empty(voxels.shape[0], np.uint8)
+    cdef Regions regions
+    regions_of(
+        <const Range*>&ranges[0, 0], <const Range*>&least[0, 0], <const Box*>&boxes[0, 0],
+        <int>ranges.shape[0], &regions,
+    )
+    entered(
+        &regions, <int>voxels.shape[0], <const int (*)[3]>&voxels[0, 0], &faces[0], &out[0]
+    )
+    return np.asarray(out)
+
+
+def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
+    """The boxes of up to eight spheres, worked out together.
+
+    Parameters
+    ----------
+    records : (n, 16 or 32) uint8
+        Of four float32 each, or of four float64.
+    origin : sequence of 3 float
+        Taken off the positions of wide records.
+
+    Returns
+    -------
+    (n, 6) float32
+    """
+    cdef float[:, ::1] out = np.empty((records.shape[0], 6), np.float32)
+    cdef Frame frame
+    frame.wide = wide
+    frame.origin = vec(origin[0], origin[1], origin[2])
+    core_sphere_boxes(
+        &records[0, 0], records.shape[1], &frame, <int>records.shape[0], <Box*>&out[0, 0]
+    )
     return np.asarray(out)
 
 

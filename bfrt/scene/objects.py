@@ -24,11 +24,6 @@ SomeLoop = Callable[[int, Sweep, int, int], None]
 #: The fewest objects worth handing to a thread.
 FEWEST = 128
 
-#: Of objects, the part that is asked for below which those are lonely, of which the system should
-#: not read ahead (measured: of a hundredth both ways are as fast; of a third of that it takes three
-#: quarters of the time, of a twentieth one and a half times as much).
-LONELY = 0.01
-
 
 class Objects:
     """Sweeps over the streams of a group, one set a worker, files shared.
@@ -75,7 +70,7 @@ class Objects:
         """Go back to a stream's first object."""
         for sweep in self._sweeps[stream.number]:
             sweep.rewind()
-            sweep.expect(False)
+            sweep.expect(0.0)
 
     def some(
         self, stream: Stream, ranges: NDArray[np.int64], loop: SomeLoop, *, together: int
@@ -83,10 +78,11 @@ class Objects:
         """Call `loop` for ranges (n, 2) of a stream's objects, ascending, and behind those that
         were swept since `begin`; for up to so many `together`."""
 
-        asked = int((ranges[:, 1] - ranges[:, 0]).sum())
-        lonely = asked < LONELY * int(ranges[-1, 1] - ranges[0, 0]) if len(ranges) else False
+        if not len(ranges):
+            return
+        apart = int(ranges[-1, 1] - ranges[0, 0]) / len(ranges) / stream.count
         for sweep in self._sweeps[stream.number]:
-            sweep.expect(lonely)
+            sweep.expect(apart)
 
         def chunk(worker: int, first: int, last: int) -> None:
             sweep = self._sweeps[stream.number][worker]

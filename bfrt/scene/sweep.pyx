@@ -79,10 +79,10 @@ cdef class Sweep:
             reader.rewind()
         self.index = self.vertex = self.outlier = self.fetched = 0
 
-    def expect(self, bint lonely):
-        """Know whether most of what is read lies far from the rest."""
+    def expect(self, double apart):
+        """Know how far it is, in the mean, from what is read to the next: a part of the stream."""
         for reader in self.readers:
-            reader.expect(lonely)
+            reader.expect(int(apart * reader.tape.size))
 
     cpdef int window(self, int64_t first, int64_t last) except -1:
         """Go forward to object `first`, to read up to `last` (exclusive)."""

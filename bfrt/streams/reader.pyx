@@ -116,11 +116,13 @@ cdef class Reader:
         self.position = self.stop = 0
         self.span = self.least
 
-    def expect(self, bint lonely):
-        """Know whether records are picked one by one, far from each other, from now on.
+    def expect(self, int64_t apart):
+        """Know how many bytes it is, in the mean, from one thing that is read to the next: lonely
+        ones are farther apart than is read through.
 
         A reader that is not sparse has nothing to know.
         """
+        cdef bint lonely = apart > GAP
         if self.sparse:
             self.gap = PAGE if lonely else GAP
             self.least = self.span = min(self.capacity, <size_t>self.gap)

@@ -1,0 +1,87 @@
+"""Boxes in vector lanes, eight at a time: the same, bit for bit, as one at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import units
+
+from bfrt.records import Kind
+from bfrt.reference import _kernels
+from bfrt.scene._bounds import bound
+
+#: Faces by which a voxel is entered: low ones of three axes, high ones, and none for a start.
+LOW, HIGH, START = 0, 3, 6
+
+coordinates = st.floats(-(2.0**100), 2.0**100, width=32)
+radii = st.one_of(st.just(0.0), st.floats(-(2.0**100), 2.0**100, width=32))
+spheres = st.lists(st.tuples(coordinates, coordinates, coordinates, radii), min_size=1, max_size=8)
+
+
+@given(spheres, st.sampled_from([np.float32, np.float64]), st.tuples(*[coordinates] * 3))
+def test_boxes_of_spheres(rows, dtype, origin):
+    records = np.array(rows, dtype)
+    wide = dtype is np.float64
+    expected = np.empty((len(rows), 6), np.float32)
+    flat = records.reshape(-1).view(np.uint8)
+    none = np.zeros(len(rows), np.uint32)
+    bound(Kind.SPHERE, flat, none, wide, origin, 4, expected)
+    found = _kernels.sphere_boxes(records.view(np.uint8).reshape(len(rows), -1), wide, origin)
+    np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
+
+
+def test_rounding_where_numbers_vanish():
+    """Of a radius that float32 does not have, a side is the least number below zero, not zero."""
+    records = np.array([[0.0, 1e-60, -1e-60, 1e-50]])
+    found = _kernels.sphere_boxes(records.view(np.uint8), True, (0, 0, 0))
+    least = np.nextafter(np.float32(0), np.float32(1))
+    np.testing.assert_array_equal(found, [[-least, -least, -least, least, least, least]])
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_spans(count):
+    rng = np.random.default_rng(count)
+    corners = rng.integers(-3, 4, size=(count, 2, 3)).astype(np.float32)
+    boxes = np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
+    origins = rng.integers(-4, 5, size=(300, 3)).astype(float)
+    directions = np.where(rng.random((300, 3)) < 0.3, 0.0, units(rng, 300))
+    directions[:20, 0] = 5e-324  # of which the inverse is infinite
+    found = _kernels.spans_of_eight(boxes, 0.25, origins, directions)
+    for i, box in enumerate(boxes):
+        own = np.tile(box, (len(origins), 1))
+        expected = _kernels.spans(own, 0.25, origins, directions)
+        met = expected[:, 0] <= expected[:, 1]
+        np.testing.assert_array_equal(found[met, i], expected[met])
+        assert (found[~met, i, 0] > found[~met, i, 1]).all()
+        assert 0 < met.sum() < len(met)
+
+
+triples = st.tuples(*[st.integers(0, 3)] * 3)
+regions = st.lists(
+    st.tuples(triples, triples, triples, triples, st.booleans()), min_size=1, max_size=8
+)
+
+
+@given(regions, st.lists(st.tuples(triples, st.integers(0, START)), min_size=1, max_size=64))
+def test_regions_that_are_entered(rows, entries):
+    corners = np.array([row[:4] for row in rows], np.int32)
+    ranges = np.concatenate([corners[:, :2].min(axis=1), corners[:, :2].max(axis=1)], axis=1)
+    least = np.concatenate([corners[:, 2], corners[:, 3]], axis=1)  # in any order
+    empty = np.array([row[4] for row in rows])
+    boxes = np.tile(np.array([0, 0, 0, 1, 1, 1], np.float32), (len(rows), 1))
+    boxes[empty] = [np.inf] * 3 + [-np.inf] * 3
+    voxels = np.array([entry[0] for entry in entries], np.int32)
+    faces = np.array([entry[1] for entry in entries], np.uint8)
+    found = _kernels.entered_of_eight(ranges, least, boxes, voxels, faces)
+    for j, (voxel, face) in enumerate(zip(voxels, faces, strict=True)):
+        expected = 0
+        for i in range(len(rows)):
+            inside = (ranges[i, :3] <= voxel).all() and (voxel <= ranges[i, 3:]).all()
+            if face < HIGH:
+                inside = inside and voxel[face - LOW] <= least[i, face - LOW]
+            elif face < START:
+                inside = inside and voxel[face - HIGH] >= least[i, face]
+            expected |= (inside and not empty[i]) << i
+        assert found[j] == expected
