@@ -24,6 +24,12 @@ SomeLoop = Callable[[int, Sweep, int, int], None]
 #: The fewest objects worth handing to a thread.
 FEWEST = 128
 
+#: Of objects, the part that is asked for below which they may be lonely, if most are far from the
+#: next, too: the system should not read ahead of those (measured: of a hundredth both ways are as
+#: fast; of a third of that it takes three quarters of the time, of a twentieth one and a half times
+#: as much).
+LONELY = 0.01
+
 
 class Objects:
     """Sweeps over the streams of a group, one set a worker, files shared.
@@ -80,7 +86,10 @@ class Objects:
 
         if not len(ranges):
             return
-        apart = int(ranges[-1, 1] - ranges[0, 0]) / len(ranges) / stream.count
+        asked = int((ranges[:, 1] - ranges[:, 0]).sum())
+        apart = 0.0
+        if asked < LONELY * int(ranges[-1, 1] - ranges[0, 0]):
+            apart = float(np.median(np.diff(ranges[:, 0]))) / stream.count
         for sweep in self._sweeps[stream.number]:
             sweep.expect(apart)
 

@@ -80,7 +80,7 @@ cdef class Sweep:
         self.index = self.vertex = self.outlier = self.fetched = 0
 
     def expect(self, double apart):
-        """Know how far it is, in the mean, from what is read to the next: a part of the stream."""
+        """Know how far it mostly is from what is read to the next: a part of the stream."""
         for reader in self.readers:
             reader.expect(int(apart * reader.tape.size))
 

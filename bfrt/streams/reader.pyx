@@ -117,8 +117,8 @@ cdef class Reader:
         self.span = self.least
 
     def expect(self, int64_t apart):
-        """Know how many bytes it is, in the mean, from one thing that is read to the next: lonely
-        ones are farther apart than is read through.
+        """Know how many bytes it mostly is from one thing that is read to the next: lonely ones are
+        farther apart than is read through.
 
         A reader that is not sparse has nothing to know.
         """
