@@ -45,7 +45,7 @@ cdef extern from *:
 cdef enum:
     PAGE = 4096
     MOST = 1 << 30  # bytes of one read: some systems refuse those of 2^31 and more
-    GAP = 1 << 15   # bytes that are read through: a seek costs as much as 30 to 100 KB of reading
+    GAP = 1 << 16   # bytes that are read through: a seek costs as much as 30 to 100 KB of reading
 
 
 @cython.final
