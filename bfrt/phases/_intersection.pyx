@@ -39,6 +39,16 @@ cdef extern from *:
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
     int ones "bfrt_ones"(unsigned int bits) noexcept nogil
 
+# The few rays that are near a block of objects: which regions each enters, what it is inside the
+# boxes, and those that meet each object's.
+cdef struct Few:
+    uint8_t which[MOST_NEAR]
+    double inv[MOST_NEAR][3]
+    double near[MOST_NEAR][BOXES]
+    double far[MOST_NEAR][BOXES]
+    uint8_t met[BOXES][MOST_NEAR]
+    int count[BOXES]
+
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
     const Grid* grid
@@ -350,67 +360,64 @@ cdef int choose(Near* near, const Regions* regions, uint8_t* which) noexcept nog
     return n
 
 
+cdef void test_boxes(Search* s, const Eight* boxes, int n, int rays, Few* f) noexcept nogil:
+    """Test each ray against the eight boxes, and note which of the n objects it meets."""
+    cdef const Ray* r
+    cdef double t
+    cdef int i, j
+    for i in range(n):
+        f.count[i] = 0
+    for j in range(rays):
+        r = &s.rays[s.near.ray[j]]
+        t = atomic_load(&r.t)
+        if t < 0.0:  # a shadow ray that has met something already
+            continue
+        s.box_tests += ones(f.which[j])
+        eight_span(boxes, &r.ox, &r.dx, &f.inv[j][0], &f.near[j][0], &f.far[j][0])
+        for i in range(n):
+            if f.which[j] >> i & 1 and f.near[j][i] <= f.far[j][i] and f.near[j][i] <= t:
+                f.met[i][f.count[i]] = <uint8_t>j
+                f.count[i] += 1
+
+
+cdef inline void wait_for(Search* s, const Few* f, int j) noexcept nogil:
+    """Have a ray that met the box wait for the object, unless what it met since is nearer."""
+    cdef const Ray* r = &s.rays[s.near.ray[j]]
+    cdef Meeting* m = &s.meetings[s.pending]
+    if f.near[j][s.place] > atomic_load(&r.t):
+        return
+    m.line.o = vec(r.ox, r.oy, r.oz)
+    m.line.d = vec(r.dx, r.dy, r.dz)
+    m.line.inv = vec(f.inv[j][0], f.inv[j][1], f.inv[j][2])
+    m.span.near, m.span.far = f.near[j][s.place], f.far[j][s.place]
+    m.mark = s.near.ray[j]
+    s.pending += 1
+
+
 cdef int meet_few(Search* s, Sweep w, int n, const Range* ranges,
                   const Range* least) except -1 nogil:
     """The n objects of a block, all against the few rays that are near any of them."""
     cdef Regions regions
     cdef Eight boxes
-    cdef uint8_t which[MOST_NEAR]
-    cdef double inv[MOST_NEAR][3]
-    cdef double near[MOST_NEAR][BOXES]
-    cdef double far[MOST_NEAR][BOXES]
-    cdef uint8_t met[BOXES][MOST_NEAR]
-    cdef int count[BOXES]
-    cdef const Ray* r
-    cdef double t
+    cdef Few few
     cdef int i, j, rays
     regions_of(ranges, least, &w.box[0], n, &regions)
-    rays = choose(&s.near, &regions, &which[0])
+    rays = choose(&s.near, &regions, &few.which[0])
     if rays == 0:
         return 0
     for j in range(rays):
         prefetch(&s.rays[s.near.ray[j]].ox)
         prefetch(&s.rays[s.near.ray[j]].t)
     eight_of(&w.box[0], n, s.grid.grow, &boxes)
+    test_boxes(s, &boxes, n, rays, &few)
     for i in range(n):
-        count[i] = 0
-    for j in range(rays):
-        r = &s.rays[s.near.ray[j]]
-        t = atomic_load(&r.t)
-        if t < 0.0:  # a shadow ray that has met something already
-            continue
-        s.box_tests += ones(which[j])
-        eight_span(&boxes, &r.ox, &r.dx, &inv[j][0], &near[j][0], &far[j][0])
-        for i in range(n):
-            if which[j] >> i & 1 and near[j][i] <= far[j][i] and near[j][i] <= t:
-                met[i][count[i]] = <uint8_t>j
-                count[i] += 1
-    for i in range(n):
-        if count[i]:
+        if few.count[i]:
             turn_to(s, w, i)
-            for j in range(count[i]):
-                wait_for(
-                    s, s.near.ray[met[i][j]], &inv[met[i][j]][0], near[met[i][j]][i],
-                    far[met[i][j]][i],
-                )
+            for j in range(few.count[i]):
+                wait_for(s, &few, few.met[i][j])
             if s.pending:
                 meet_pending(s, w)
     return 0
-
-
-cdef inline void wait_for(Search* s, uint32_t ray, const double* inv, double near,
-                          double far) noexcept nogil:
-    """Have a ray that met the box wait for the object, unless what it met since is nearer."""
-    cdef const Ray* r = &s.rays[ray]
-    cdef Meeting* m = &s.meetings[s.pending]
-    if near > atomic_load(&r.t):
-        return
-    m.line.o = vec(r.ox, r.oy, r.oz)
-    m.line.d = vec(r.dx, r.dy, r.dz)
-    m.line.inv = vec(inv[0], inv[1], inv[2])
-    m.span.near, m.span.far = near, far
-    m.mark = ray
-    s.pending += 1
 
 
 cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:

@@ -46,6 +46,7 @@ cdef enum:
     PAGE = 4096
     MOST = 1 << 30  # bytes of one read: some systems refuse those of 2^31 and more
     GAP = 1 << 16   # bytes that are read through: a seek costs as much as 30 to 100 KB of reading
+    LONELY = 1 << 14  # bytes apart from which on reading a page each is faster than reading all
 
 
 @cython.final
@@ -117,12 +118,11 @@ cdef class Reader:
         self.span = self.least
 
     def expect(self, int64_t apart):
-        """Know how many bytes it mostly is from one thing that is read to the next: lonely ones are
-        farther apart than is read through.
+        """Know how many bytes it mostly is from one thing that is read to the next.
 
         A reader that is not sparse has nothing to know.
         """
-        cdef bint lonely = apart > GAP
+        cdef bint lonely = apart > LONELY
         if self.sparse:
             self.gap = PAGE if lonely else GAP
             self.least = self.span = min(self.capacity, <size_t>self.gap)

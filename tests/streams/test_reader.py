@@ -233,7 +233,7 @@ def test_records_of_two_buffers_are_whole(path):
         assert reader.read(24) == DATA[at : at + 24]
 
 
-@pytest.mark.parametrize(("apart", "read"), [(1 << 16, 1 << 16), ((1 << 16) + 1, PAGE)])
+@pytest.mark.parametrize(("apart", "read"), [(1 << 14, 1 << 16), ((1 << 14) + 1, PAGE)])
 def test_lonely_records_are_read_by_the_page(tmp_path, apart, read):
     """Records of 8 bytes, each 20 KB from the next: gaps that are read through, or are not."""
     path = tmp_path / "records"
