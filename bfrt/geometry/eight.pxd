@@ -13,9 +13,8 @@ cdef extern from *:
     """
     enum { BFRT_FACES = 7 };
 
-    /* The voxels of eight boxes; and for each face by which a ray comes into a voxel, up to where
-       on its axis the box is entered there: of high faces, and of voxels that go with them, the
-       negative. */
+    /* The voxels of eight boxes; and for each face by which a ray comes into a voxel, the last place
+       on its axis where it enters the box so. High faces have all signs turned. */
     typedef struct {
         int lo[3][8];
         int hi[3][8];
@@ -41,6 +40,7 @@ cdef extern from *:
         }
     }
 
+    /* Eight boxes as rays meet them. */
     typedef struct {
         double lo[3][8];
         double hi[3][8];

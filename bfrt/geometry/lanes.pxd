@@ -114,7 +114,7 @@ cdef extern from *:
         float step[BFRT_SIDES];
     } bfrt_coding;
 
-    /* The voxel of each side of the first n boxes moved further in than those that were coded can
+    /* The voxel of each side of the first n coded boxes, moved further in than what was coded can
        be: by two steps, and one for the rounding of sums. */
     BFRT_CLONES
     static void bfrt_sides_inside(const bfrt_sides *s, const bfrt_coding *c, const float *side,

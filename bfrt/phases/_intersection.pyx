@@ -39,8 +39,8 @@ cdef extern from *:
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
     int ones "bfrt_ones"(unsigned int bits) noexcept nogil
 
-# The few rays that are near a block of objects: which regions each enters, what it is inside the
-# boxes, and those that meet each object's.
+# The few rays that are near a block of objects: which regions each enters, where it is inside the
+# boxes, and of each object the rays that meet its box.
 cdef struct Few:
     uint8_t which[MOST_NEAR]
     double inv[MOST_NEAR][3]

@@ -12,7 +12,7 @@ from bfrt.phases.voxel_rays cimport (
 
 cdef enum:
     FEW = 12  # upper voxels a side of which the bricks are looked at one by one
-    MOST_NEAR = 64
+    MOST_NEAR = 64  # few rays; no more than wait for an object at once
 
 # Entries of a few voxels: of each where it is, by which face it came there, and its ray.
 cdef struct Near:
@@ -53,6 +53,7 @@ cdef inline bint rays_within(const Range* r, VoxelRays v) noexcept nogil:
 
 
 cdef inline int longest(const Range* upper) noexcept nogil:
+    """A range's longest side, less one."""
     cdef int k, side = 0
     for k in range(3):
         side = max(side, upper.hi[k] - upper.lo[k])
