@@ -13,8 +13,8 @@ cdef extern from *:
     """
     enum { BFRT_FACES = 7 };
 
-    /* The voxels of eight boxes; and for each face by which a ray comes into a voxel, the last place
-       on its axis where it enters the box so. High faces have all signs turned. */
+    /* The voxels of eight boxes; and for each face by which a ray comes into a voxel, the last
+       place on its axis where it enters the box so. High faces have all signs turned. */
     typedef struct {
         int lo[3][8];
         int hi[3][8];
