@@ -7,7 +7,7 @@ from bfrt.geometry.box cimport Box, box_empty
 from bfrt.geometry.grid cimport Grid, Range, roughly
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, CROWD, VoxelRays, block_of, brick_within, brick_word, cube_word, entry_face,
-    entry_ray, lower_of, lowest_bit, upper_at, uppers_of,
+    entry_ray, longest, lower_of, lowest_bit, upper_at, uppers_of,
 )
 
 cdef enum:
@@ -50,14 +50,6 @@ cdef inline bint rays_within(const Range* r, VoxelRays v) noexcept nogil:
                 if brick_within(v, r, &upper, x, y, z):
                     return True
     return False
-
-
-cdef inline int longest(const Range* upper) noexcept nogil:
-    """A range's longest side, less one."""
-    cdef int k, side = 0
-    for k in range(3):
-        side = max(side, upper.hi[k] - upper.lo[k])
-    return side
 
 
 cdef inline void entries_within(const Range* r, VoxelRays v, Near* near) noexcept nogil:

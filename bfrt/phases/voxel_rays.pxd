@@ -203,12 +203,17 @@ cdef inline bint brick_within(VoxelRays v, const Range* r, const Range* upper, i
     return False
 
 
-cdef inline int covering_level(VoxelRays v, const Range* upper) noexcept nogil:
-    """The finest level of which few cubes cover the upper voxels of a range."""
-    cdef int level = 1
+cdef inline int longest(const Range* upper) noexcept nogil:
+    """A range's longest side, less one."""
     cdef int k, side = 0
     for k in range(3):
         side = max(side, upper.hi[k] - upper.lo[k])
+    return side
+
+
+cdef inline int covering_level(VoxelRays v, const Range* upper) noexcept nogil:
+    """The finest level of which few cubes cover the upper voxels of a range."""
+    cdef int level = 1, side = longest(upper)
     while level < v.levels and side >> (BRICK_BITS * level) > 1:
         level += 1
     return level
