@@ -20,7 +20,7 @@ import numpy as np
 
 from bfrt.errors import BudgetError, SettingError
 from bfrt.phases.partition import LOWER_BITS, Limits, Partition, partition_of
-from bfrt.phases.selection import LEVEL_BUFFER, SELECTED
+from bfrt.phases.selection import LEVEL_BUFFER, TOGETHER
 from bfrt.records import (
     AOV_BYTES,
     CANDIDATE_BYTES,
@@ -221,7 +221,7 @@ def fixed_bytes(store: Store, threads: int) -> int:
     largest = max((s.stride * s.largest for s in store.streams), default=0)
     buffers = len(store.streams) * threads * (READ_BUFFER * 10 // 4 + largest)
     outgoing = threads * emit_room(len(store.lights)) * QUEUED_BYTES
-    levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER + SELECTED * 40
+    levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER + threads * TOGETHER * 40
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
     return BASELINE + buffers + levels + outgoing + palette
 

@@ -16,6 +16,9 @@ Made = TypeVar("Made")
 #: Called with the worker's number and a chunk [first, last).
 Task = Callable[[int, int, int], None]
 
+#: Called with the worker's number; returns whether there may be more to do.
+Step = Callable[[int], bool]
+
 #: Chunks a worker gets of a count, at least: what evens out their unequal work.
 CHUNKS_EACH = 8
 
@@ -40,18 +43,35 @@ class Workers:
         """
         chunk = max(smallest, min(largest, -(-count // (self.threads * CHUNKS_EACH))))
         starts = itertools.count(0, chunk)
+
+        def step(worker: int) -> bool:
+            first = next(starts)
+            if first < count:
+                task(worker, first, min(count, first + chunk))
+            return first < count
+
+        self.repeat(step, alone=count <= chunk)
+
+    def repeat(self, step: Step, *, alone: bool = False) -> None:
+        """Have all workers, or one, call `step` again and again until it returns False.
+
+        Raises
+        ------
+        BaseException
+            The first that a step raised, an interrupt too; no new one is begun after it.
+        """
         stop = threading.Event()
         failures: list[BaseException] = []
 
         def work(worker: int) -> None:
             try:
-                while not stop.is_set() and (first := next(starts)) < count:
-                    task(worker, first, min(count, first + chunk))
+                while not stop.is_set() and step(worker):
+                    pass
             except BaseException as error:
                 failures.append(error)
                 stop.set()
 
-        if self._pool is None or count <= chunk:
+        if self._pool is None or alone:
             work(0)
         else:
             futures = [self._pool.submit(work, worker) for worker in range(self.threads)]

@@ -1,39 +1,160 @@
-"""Eight boxes side by side, in vector lanes: the regions that a voxel's rays enter, and the boxes
-that one line meets. The other way round, one box against many lines, is lanes.pxd's, whose
-BFRT_CLONES and whose promise of the same bits hold here too.
+"""Eight boxes side by side, in vector lanes: their voxels, the regions that a voxel's rays enter,
+and the boxes that one line meets. What is said of one box at a time, box.pxd and grid.pxd say.
+
+::
+
+    side    [LOW + axis], [HIGH + axis], of each of the eight
+    empty   lo = inf, hi = -inf; so are those beyond the last, where there are fewer
+
+The other way round, one box against many lines, is lanes.pxd's, whose BFRT_CLONES and whose
+promise of the same bits hold here too.
 """
 
 from libc.stdint cimport uint8_t
 
-from bfrt.geometry.box cimport Box, box_empty
-from bfrt.geometry.grid cimport HIGH, START, Range
-from bfrt.geometry.lanes cimport BOXES
+from bfrt.geometry.box cimport Box, Grown
+from bfrt.geometry.grid cimport HIGH, START, Grid, Range, located
+from bfrt.geometry.lanes cimport LANES  # and BFRT_CLONES
 
 cdef extern from *:
     """
-    enum { BFRT_FACES = 7 };
+    #include <limits.h>
+    #include <stdint.h>
+    #include <string.h>
 
-    /* The voxels of eight boxes; and for each face by which a ray comes into a voxel, the last
-       place on its axis where it enters the box so. High faces have all signs turned. */
+    enum { BFRT_BOXES = 8, BFRT_FACES = 7 };
+
     typedef struct {
-        int lo[3][8];
-        int hi[3][8];
-        int entry[BFRT_FACES][8];
-    } bfrt_regions;
+        float side[6][BFRT_BOXES];
+    } bfrt_eight;
+
+    /* From so many on they are empty. */
+    static inline void bfrt_eight_end(bfrt_eight *e, int n)
+    {
+        for (int k = 0; k < 6; k++)
+            for (int i = n; i < BFRT_BOXES; i++)
+                e->side[k][i] = k < 3 ? INFINITY : -INFINITY;
+    }
+
+    /* The first n of eight boxes, from one side to the next of each. */
+    static inline void bfrt_eight_of(const float *side, int n, bfrt_eight *e)
+    {
+        for (int i = 0; i < n; i++)
+            for (int k = 0; k < 6; k++)
+                e->side[k][i] = side[6 * i + k];
+        bfrt_eight_end(e, n);
+    }
+
+    /* The box around the eight: empty if they are. */
+    BFRT_CLONES
+    static void bfrt_eight_union(const bfrt_eight *e, float *side)
+    {
+        for (int k = 0; k < 3; k++) {
+            float lo = INFINITY, hi = -INFINITY;
+            for (int i = 0; i < BFRT_BOXES; i++) {
+                lo = e->side[k][i] < lo ? e->side[k][i] : lo;
+                hi = e->side[3 + k][i] > hi ? e->side[3 + k][i] : hi;
+            }
+            side[k] = lo;
+            side[3 + k] = hi;
+        }
+    }
+
+    /* What bfrt_below says of each of a number for each side. */
+    BFRT_CLONES
+    static void bfrt_eight_below(const double *x, float *below)
+    {
+        enum { N = 6 * BFRT_BOXES };
+        int32_t bits[N], off[N];
+        for (int j = 0; j < N; j++) {
+            float f = below[j] = (float)x[j];
+            off[j] = f == 0.0f ? (x[j] < 0.0 ? INT32_MIN : 0) : (double)f > x[j];
+        }
+        memcpy(bits, below, sizeof bits);
+        for (int j = 0; j < N; j++) {
+            int32_t away = 2 * (bits[j] < 0) - 1; /* to the number below: in bits, off from zero */
+            bits[j] = off[j] == INT32_MIN ? INT32_MIN + 1 : bits[j] + off[j] * away;
+        }
+        memcpy(below, bits, sizeof bits);
+    }
+
+    /* Of a grid, for each of a box's sides. */
+    typedef struct {
+        double grow[6];     /* twice d, outwards */
+        double first[6];    /* the first plane */
+        double inverse[6];
+        double slack[6];
+        double last[6];     /* the last voxel */
+    } bfrt_sides;
+
+    typedef struct {
+        int side[6][BFRT_BOXES];
+    } bfrt_voxels;
+
+    /* The voxel of each side; whether arithmetic may differ from the table for one. */
+    BFRT_CLONES
+    static int bfrt_eight_voxels(const bfrt_sides *s, const bfrt_eight *e, bfrt_voxels *v)
+    {
+        int differ = 0;
+        for (int k = 0; k < 6; k++) {
+            double grow = s->grow[k], first = s->first[k], inverse = s->inverse[k];
+            double slack = s->slack[k], last = s->last[k];
+            for (int i = 0; i < BFRT_BOXES; i++) {
+                double guess = ((e->side[k][i] + grow) - first) * inverse;
+                double low = guess - slack, high = guess + slack;
+                low = low > 0.0 ? low : 0.0;
+                low = low < last ? low : last;
+                high = high > 0.0 ? high : 0.0;
+                high = high < last ? high : last;
+                v->side[k][i] = (int)low;
+                differ |= (int)low ^ (int)high;
+            }
+        }
+        for (int k = 0; k < 3; k++)
+            for (int i = 0; i < BFRT_BOXES; i++) {
+                int empty = e->side[0][i] > e->side[3][i];
+                v->side[k][i] = empty ? INT_MAX : v->side[k][i];
+                v->side[3 + k][i] = empty ? -1 : v->side[3 + k][i];
+            }
+        return differ;
+    }
+
+    /* The voxel of each side, moved in by three of the sides' steps. */
+    BFRT_CLONES
+    static void bfrt_eight_inside(const bfrt_sides *s, const float *step, const bfrt_eight *e,
+                                  bfrt_voxels *v)
+    {
+        for (int k = 0; k < 6; k++) {
+            double grow = s->grow[k], first = s->first[k], inverse = s->inverse[k];
+            double slack = grow < 0.0 ? s->slack[k] : -s->slack[k], last = s->last[k];
+            double in = 3.0 * step[k];
+            for (int i = 0; i < BFRT_BOXES; i++) {
+                double guess = (((e->side[k][i] + in) + grow) - first) * inverse + slack;
+                guess = guess > 0.0 ? guess : 0.0;
+                v->side[k][i] = (int)(guess < last ? guess : last);
+            }
+        }
+    }
+
+    /* For each face by which a ray comes into a voxel, the last place on its axis where it enters
+       a box so. High faces have all signs turned. */
+    typedef struct {
+        int last[BFRT_FACES][BFRT_BOXES];
+    } bfrt_entries;
 
     /* Which of the eight a ray enters that comes into each of n voxels by a face, as bits. */
     BFRT_CLONES
-    static void bfrt_entered(const bfrt_regions *r, int n, const int (*at)[3],
-                             const uint8_t *face, uint8_t *which)
+    static void bfrt_entered(const bfrt_voxels *v, const bfrt_entries *e, int n,
+                             const int (*at)[3], const uint8_t *face, uint8_t *which)
     {
         for (int j = 0; j < n; j++) {
             int x = at[j][0], y = at[j][1], z = at[j][2], f = face[j];
             int here = f < 3 ? at[j][f] : f < 6 ? -at[j][f - 3] : 0;
             int bits = 0;
-            for (int i = 0; i < 8; i++) {
-                int in = (r->lo[0][i] <= x) & (x <= r->hi[0][i]) & (r->lo[1][i] <= y)
-                    & (y <= r->hi[1][i]) & (r->lo[2][i] <= z) & (z <= r->hi[2][i])
-                    & (here <= r->entry[f][i]);
+            for (int i = 0; i < BFRT_BOXES; i++) {
+                int in = (v->side[0][i] <= x) & (x <= v->side[3][i]) & (v->side[1][i] <= y)
+                    & (y <= v->side[4][i]) & (v->side[2][i] <= z) & (z <= v->side[5][i])
+                    & (here <= e->last[f][i]);
                 bits |= in << i;
             }
             which[j] = (uint8_t)bits;
@@ -42,24 +163,34 @@ cdef extern from *:
 
     /* Eight boxes as rays meet them. */
     typedef struct {
-        double lo[3][8];
-        double hi[3][8];
-    } bfrt_eight;
+        double side[6][BFRT_BOXES];
+    } bfrt_grown_eight;
 
-    /* Where a line, from t = 0 on, is inside each of eight boxes: near > far for nowhere. */
     BFRT_CLONES
-    static void bfrt_eight_span(const bfrt_eight *b, const double *o, const double *d, double *inv,
-                                double *near, double *far)
+    static void bfrt_eight_grow(const bfrt_eight *e, double grow, bfrt_grown_eight *g)
     {
-        for (int i = 0; i < 8; i++) {
+        for (int k = 0; k < 3; k++)
+            for (int i = 0; i < BFRT_BOXES; i++) {
+                g->side[k][i] = e->side[k][i] - grow;
+                g->side[3 + k][i] = e->side[3 + k][i] + grow;
+            }
+    }
+
+    /* Where a line, from t = 0 on, is inside each of eight boxes that are not empty: near > far
+       for nowhere. */
+    BFRT_CLONES
+    static void bfrt_eight_span(const bfrt_grown_eight *g, const double *o, const double *d,
+                                double *inv, double *near, double *far)
+    {
+        for (int i = 0; i < BFRT_BOXES; i++) {
             near[i] = 0.0;
             far[i] = INFINITY;
         }
         for (int k = 0; k < 3; k++) {
-            const double *lo = b->lo[k], *hi = b->hi[k];
+            const double *lo = g->side[k], *hi = g->side[3 + k];
             double raw = 1.0 / d[k], from = o[k];
             double step = inv[k] = fabs(raw) <= DBL_MAX ? raw : 0.0;
-            for (int i = 0; i < 8; i++) {
+            for (int i = 0; i < BFRT_BOXES; i++) {
                 double p = (lo[i] - from) * step;
                 double q = (hi[i] - from) * step;
                 double in = p < q ? p : q;
@@ -73,43 +204,106 @@ cdef extern from *:
         }
     }
     """
-    ctypedef struct Regions "bfrt_regions":
-        int lo[3][8]
-        int hi[3][8]
-        int entry[7][8]
-
-    void entered "bfrt_entered"(const Regions* r, int n, const int (*at)[3], const uint8_t* face,
-                                uint8_t* which) noexcept nogil
+    enum:
+        BOXES "BFRT_BOXES"
 
     ctypedef struct Eight "bfrt_eight":
-        double lo[3][8]
-        double hi[3][8]
+        float side[6][8]
 
-    void eight_span "bfrt_eight_span"(const Eight* b, const double* o, const double* d, double* inv,
-                                      double* near, double* far) noexcept nogil
+    void eight_of "bfrt_eight_of"(const float* side, int n, Eight* e) noexcept nogil
+    void eight_end "bfrt_eight_end"(Eight* e, int n) noexcept nogil
+    void eight_union "bfrt_eight_union"(const Eight* e, float* side) noexcept nogil
+    void eight_below "bfrt_eight_below"(const double* x, float* below) noexcept nogil
+
+    ctypedef struct Sides "bfrt_sides":
+        double grow[6]
+        double first[6]
+        double inverse[6]
+        double slack[6]
+        double last[6]
+
+    ctypedef struct Voxels "bfrt_voxels":
+        int side[6][8]
+
+    bint voxels_by_arithmetic "bfrt_eight_voxels"(const Sides* s, const Eight* e,
+                                                  Voxels* v) noexcept nogil
+    void eight_inside "bfrt_eight_inside"(const Sides* s, const float* step, const Eight* e,
+                                          Voxels* v) noexcept nogil
+
+    ctypedef struct Entries "bfrt_entries":
+        int last[7][8]
+
+    void entered "bfrt_entered"(const Voxels* v, const Entries* e, int n, const int (*at)[3],
+                                const uint8_t* face, uint8_t* which) noexcept nogil
+
+    ctypedef struct GrownEight "bfrt_grown_eight":
+        double side[6][8]
+
+    void eight_grow "bfrt_eight_grow"(const Eight* e, double grow, GrownEight* g) noexcept nogil
+    void eight_span "bfrt_eight_span"(const GrownEight* g, const double* o, const double* d,
+                                      double* inv, double* near, double* far) noexcept nogil
 
 
-cdef inline void regions_of(const Range* ranges, const Range* least, const Box* boxes, int n,
-                            Regions* r) noexcept nogil:
-    """Of n boxes, BOXES or fewer, their voxels and what they hold at the least: `entered_by` for
-    all of them. The rest of the eight, and those without a point, nothing enters."""
+cdef inline bint eight_empty(const Eight* e, int i) noexcept nogil:
+    return e.side[0][i] > e.side[HIGH][i]
+
+
+cdef inline void eight_clear(Eight* e, int i) noexcept nogil:
+    """Make one of them empty."""
+    cdef Eight none
+    cdef int k
+    eight_end(&none, 0)
+    for k in range(6):
+        e.side[k][i] = none.side[k][i]
+
+
+cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil:
+    """One of them."""
+    cdef int k
+    for k in range(3):
+        one.lo[k] = g.side[k][i]
+        one.hi[k] = g.side[HIGH + k][i]
+
+
+cdef inline void sides_of(const Grid* g, Sides* s) noexcept nogil:
+    """What `eight_voxels` has to know of a grid."""
+    cdef int j, k
+    for j in range(6):
+        k = j % 3
+        s.grow[j] = (2.0 if j >= HIGH else -2.0) * g.grow
+        s.first[j] = g.plane[k][0]
+        s.inverse[j] = g.inverse[k]
+        s.slack[j] = g.slack[k]
+        s.last[j] = g.n[k] - 1
+
+
+cdef inline void eight_voxels(const Grid* g, const Sides* s, const Eight* e,
+                              Voxels* v) noexcept nogil:
+    """The voxels of each, as `box_range` says; of an empty one a range that nothing is in."""
     cdef int i, k
-    for i in range(BOXES):
-        if i >= n or box_empty(&boxes[i]):
-            r.lo[0][i], r.hi[0][i] = 1, 0
-            continue
-        for k in range(3):
-            r.lo[k][i], r.hi[k][i] = ranges[i].lo[k], ranges[i].hi[k]
-            r.entry[k][i], r.entry[HIGH + k][i] = least[i].lo[k], -least[i].hi[k]
-        r.entry[START][i] = 0
+    if voxels_by_arithmetic(s, e, v):
+        for i in range(BOXES):
+            if not eight_empty(e, i):
+                for k in range(6):
+                    v.side[k][i] = located(g, k % 3, e.side[k][i] + s.grow[k])
 
 
-cdef inline void eight_of(const Box* boxes, int n, double grow, Eight* e) noexcept nogil:
-    """The first n boxes as rays meet them; in place of the rest of the eight, the first again."""
-    cdef const Box* b
+cdef inline Range range_at(const Voxels* v, int i) noexcept nogil:
+    """The voxels of one of them."""
+    cdef Range r
+    cdef int k
+    for k in range(3):
+        r.lo[k] = v.side[k][i]
+        r.hi[k] = v.side[HIGH + k][i]
+    return r
+
+
+cdef inline void entries_of(const Voxels* least, Entries* e) noexcept nogil:
+    """Where rays enter regions that hold those voxels at the least: what `entered_by` says."""
     cdef int i, k
+    for k in range(3):
+        for i in range(BOXES):
+            e.last[k][i] = least.side[k][i]
+            e.last[HIGH + k][i] = -least.side[HIGH + k][i]
     for i in range(BOXES):
-        b = &boxes[i if i < n else 0]
-        for k in range(3):
-            e.lo[k][i] = b.lo[k] - grow
-            e.hi[k][i] = b.hi[k] + grow
+        e.last[START][i] = 0

@@ -94,6 +94,16 @@ cdef inline int roughly(const Grid* g, int k, double x, double slack) noexcept n
     return <int>smaller(larger(guess, 0.0), g.n[k] - 1)
 
 
+cdef inline Range rough_range(const Grid* g, const Box* b) noexcept nogil:
+    """The voxels that a box may touch: by arithmetic, never one less."""
+    cdef Range r
+    cdef int k
+    for k in range(3):
+        r.lo[k] = roughly(g, k, b.lo[k], -g.slack[k])
+        r.hi[k] = roughly(g, k, b.hi[k], g.slack[k])
+    return r
+
+
 cdef inline int located(const Grid* g, int k, double x) noexcept nogil:
     """What `locate` says; the table is asked only where arithmetic may differ from it."""
     cdef int low = roughly(g, k, x, -g.slack[k])

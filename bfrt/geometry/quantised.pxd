@@ -13,8 +13,82 @@ true when it is read. What has no point becomes something of no more than a step
 has the object itself.
 """
 
-from bfrt.geometry.box cimport Box, above, box_empty
-from bfrt.geometry.lanes cimport BOXES, Coding, decode, encode
+from libc.stdint cimport uint8_t
+
+from bfrt.geometry.box cimport Box, above
+from bfrt.geometry.eight cimport BOXES, Eight, eight_empty, eight_end
+
+cdef extern from *:
+    """
+    /* The sides that hold the boxes, and a step inwards from each. */
+    typedef struct {
+        float from[6];
+        float step[6];
+    } bfrt_coding;
+
+    enum { BFRT_CODES = 6 * BFRT_BOXES };
+
+    /* The sides of the first n boxes; the others are anything. */
+    BFRT_CLONES
+    static void bfrt_decode(const bfrt_coding *c, const uint8_t *code, int n, bfrt_eight *e)
+    {
+        uint8_t turned[6][BFRT_BOXES] = {{0}};
+        for (int i = 0; i < n; i++)
+            for (int k = 0; k < 6; k++)
+                turned[k][i] = code[6 * i + k];
+        for (int k = 0; k < 6; k++) {
+            float from = c->from[k], step = c->step[k];
+            for (int i = 0; i < BFRT_BOXES; i++)
+                e->side[k][i] = from + (float)turned[k][i] * step;
+        }
+    }
+
+    /* The codes of eight boxes; whether one is inside, for steps are all but rounded away. */
+    BFRT_CLONES
+    static int bfrt_encode(const bfrt_coding *c, const bfrt_eight *e, int code[6][BFRT_BOXES])
+    {
+        int off = 0;
+        for (int k = 0; k < 6; k++) {
+            float from = c->from[k], step = c->step[k];
+            float in = copysignf(1.0f, step);
+            for (int i = 0; i < BFRT_BOXES; i++) {
+                float x = e->side[k][i];
+                float guess = (x - from) / step;
+                guess = guess > 0.0f ? guess : 0.0f;
+                int steps = (int)(guess < 255.0f ? guess : 255.0f);
+                steps -= (from + (float)steps * step - x) * in > 0.0f;
+                steps = steps < 0 ? 0 : steps;
+                off |= (from + (float)steps * step - x) * in > 0.0f;
+                code[k][i] = steps;
+            }
+        }
+        return off;
+    }
+
+    /* The box around the first n boxes: fewer steps are further out. */
+    static inline void bfrt_coded_union(const bfrt_coding *c, const uint8_t *code, int n,
+                                        float *side)
+    {
+        enum { ROOM = 8 };
+        uint8_t own[BFRT_CODES + 2], least[ROOM];
+        memset(own, 255, sizeof own);
+        memcpy(own, code, 6 * n);
+        memset(least, 255, sizeof least);
+        for (int i = 0; i < BFRT_BOXES; i++)
+            for (int k = 0; k < ROOM; k++) /* two more than there are, so that it is one vector */
+                least[k] = own[6 * i + k] < least[k] ? own[6 * i + k] : least[k];
+        for (int k = 0; k < 6; k++)
+            side[k] = c->from[k] + (float)least[k] * c->step[k];
+    }
+    """
+    ctypedef struct Coding "bfrt_coding":
+        float from_ "from"[6]
+        float step[6]
+
+    void decode "bfrt_decode"(const Coding* c, const uint8_t* code, int n, Eight* e) noexcept nogil
+    bint encode "bfrt_encode"(const Coding* c, const Eight* e, int (*code)[8]) noexcept nogil
+    void coded_union "bfrt_coded_union"(const Coding* c, const uint8_t* code, int n,
+                                        float* side) noexcept nogil
 
 cdef enum:
     STEPS = 255
@@ -23,39 +97,37 @@ cdef enum:
 cdef inline void coding_in(const Box* parent, Coding* c) noexcept nogil:
     """How boxes inside that one are coded."""
     cdef float step
-    cdef int i, k
+    cdef int k
     for k in range(3):
         step = above((<double>parent.hi[k] - parent.lo[k]) / STEPS)
-        for i in range(BOXES):
-            c.from_[6 * i + k] = parent.lo[k]
-            c.step[6 * i + k] = step
-            c.from_[6 * i + 3 + k] = parent.hi[k]
-            c.step[6 * i + 3 + k] = -step
+        c.from_[k], c.step[k] = parent.lo[k], step
+        c.from_[3 + k], c.step[3 + k] = parent.hi[k], -step
 
 
-cdef inline void boxes_of(const Coding* c, const unsigned char* code, int n,
-                          Box* boxes) noexcept nogil:
+cdef inline void eight_decoded(const Coding* c, const uint8_t* code, int n,
+                               Eight* e) noexcept nogil:
     """The first n boxes, BOXES or fewer."""
-    decode(c, code, n, &boxes[0].lo[0])
+    decode(c, code, n, e)
+    eight_end(e, n)
 
 
-cdef inline unsigned char outside(const Coding* c, int side, float x,
-                                  unsigned char code) noexcept nogil:
-    """The code, or as much less that its side is not inside x."""
+cdef inline int outside(const Coding* c, int side, float x, int steps) noexcept nogil:
+    """The steps, or as much less that the side is not inside x."""
     cdef float sign = 1.0 if side < 3 else -1.0
-    while code > 0 and sign * (c.from_[side] + <float>code * c.step[side]) > sign * x:
-        code -= 1
-    return code
+    while steps > 0 and sign * (c.from_[side] + <float>steps * c.step[side]) > sign * x:
+        steps -= 1
+    return steps
 
 
-cdef inline void codes_of(const Coding* c, const Box* boxes, int n,
-                          unsigned char* code) noexcept nogil:
+cdef inline void codes_of(const Coding* c, const Eight* e, int n, uint8_t* code) noexcept nogil:
     """Code the first n boxes of the parent's, BOXES or fewer."""
+    cdef int steps[6][BOXES]
     cdef int i, k
-    cdef bint off = encode(c, &boxes[0].lo[0], n, code)
+    cdef bint off = encode(c, e, steps)
     for i in range(n):
         for k in range(6):
-            if box_empty(&boxes[i]):
-                code[6 * i + k] = STEPS
+            if eight_empty(e, i):
+                steps[k][i] = STEPS
             elif off:
-                code[6 * i + k] = outside(c, k, (&boxes[i].lo[0])[k], code[6 * i + k])
+                steps[k][i] = outside(c, k, e.side[k][i], steps[k][i])
+            code[6 * i + k] = <uint8_t>steps[k][i]

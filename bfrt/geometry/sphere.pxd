@@ -2,9 +2,9 @@
 
 from libc.math cimport fabs, sqrt
 
-from bfrt.geometry.box cimport Box, Span, box_between, box_clear
+from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, number, point
-from bfrt.geometry.lanes cimport BOXES, all_below
+from bfrt.geometry.eight cimport BOXES, Eight, eight_below, eight_clear, eight_end
 from bfrt.geometry.vector cimport Line, Vec, along, dot, scale, sub, vec
 
 cdef struct Sphere:
@@ -25,26 +25,27 @@ cdef inline void sphere_bounds(const Sphere* s, Box* b) noexcept nogil:
 
 
 cdef inline void sphere_boxes(const unsigned char* records, size_t stride, const Frame* f, int n,
-                              Box* boxes) noexcept nogil:
+                              Eight* e) noexcept nogil:
     """The boxes of n spheres, BOXES or fewer: `sphere_bounds`, or empty."""
-    cdef double side[6 * BOXES]  # of the high ones the negative, so that all are rounded down
-    cdef Sphere s
-    cdef Box* b
+    cdef double side[6][BOXES]  # of the high ones the negative, so that all are rounded down
+    cdef Sphere s[BOXES]
+    cdef double r
     cdef int i, k
+    for i in range(BOXES):
+        sphere_load(records + (i if i < n else 0) * stride, f, &s[i])
+    for i in range(BOXES):
+        r = fabs(s[i].r)
+        side[0][i], side[3][i] = s[i].c.x - r, -(s[i].c.x + r)
+        side[1][i], side[4][i] = s[i].c.y - r, -(s[i].c.y + r)
+        side[2][i], side[5][i] = s[i].c.z - r, -(s[i].c.z + r)
+    eight_below(&side[0][0], &e.side[0][0])
+    for k in range(3, 6):
+        for i in range(BOXES):
+            e.side[k][i] = -e.side[k][i]
     for i in range(n):
-        sphere_load(records + i * stride, f, &s)
-        s.r = fabs(s.r)
-        side[6 * i], side[6 * i + 3] = s.c.x - s.r, -(s.c.x + s.r)
-        side[6 * i + 1], side[6 * i + 4] = s.c.y - s.r, -(s.c.y + s.r)
-        side[6 * i + 2], side[6 * i + 5] = s.c.z - s.r, -(s.c.z + s.r)
-    all_below(&side[0], 6 * n, &boxes[0].lo[0])
-    for i in range(n):
-        b = &boxes[i]
-        if number(records + i * stride, 3, f.wide) == 0.0:
-            box_clear(b)
-        else:
-            for k in range(3):
-                b.hi[k] = -b.hi[k]
+        if s[i].r == 0.0:
+            eight_clear(e, i)
+    eight_end(e, n)
 
 
 cdef inline bint sphere_roots(const Sphere* s, const Line* l, double* roots) noexcept nogil:

@@ -8,26 +8,23 @@ own, and its box is tested against those in lanes.
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
-from bfrt.geometry.eight cimport Eight, Regions, eight_of, eight_span, entered, regions_of
-from bfrt.geometry.grid cimport Grid, Range, entered_by
-from bfrt.geometry.lanes cimport (
-    BOXES, LANES, Coding, Lanes, Sides, box_ranges, grown_lanes, least_ranges, range_union,
-    sides_of,
+from bfrt.geometry.eight cimport (
+    BOXES, Entries, GrownEight, Sides, Voxels, eight_empty, eight_grow, eight_inside, eight_span,
+    eight_union, eight_voxels, entered, entries_of, grown_at, range_at, sides_of,
 )
+from bfrt.geometry.grid cimport Grid, Range, entered_by, rough_range
+from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.geometry.quantised cimport coding_in
+from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
 from bfrt.phases.nearby cimport MOST_NEAR, Near, entries_within
 from bfrt.phases.nearest cimport nearer
-from bfrt.phases.voxel_rays cimport (
-    BRICK_BITS, CROWD, VoxelRays, block_of, brick_word, covering_level, cube_word, entry_face,
-    entry_ray, lower_of, lowest_bit, occupied, upper_at, uppers_of,
-)
+from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, Crossing, Ray
 from bfrt.scene.sweep cimport (
-    Sweep, advance_block, advance_coded, advance_coded_to, advance_to, fetch,
+    Sweep, advance_block, advance_coded, advance_coded_to, advance_to, clear_outliers, fetch,
 )
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
@@ -54,17 +51,19 @@ cdef struct Search:
     const Grid* grid
     Sides sides
     Ray* rays
+    void* sweep            # a Sweep
+    GrownEight grown       # the boxes of the sweep's block
+    Voxels voxels          # theirs
+    Voxels least           # what these hold at the least, where boxes are quantised; else the same
+    Coding coding
+    bint coded             # whether boxes are quantised
+    Near near
+    uint64_t id
+    int place              # of the object in the block
     Grown box
     Grown own              # the object's own box, where the other is quantised
     bint degenerate        # and whether it has none
-    uint64_t id
-    int place              # of the object in the sweep's block
-    Range range
-    Range least            # what it holds at the least, where the box is quantised; else the same
-    Range upper            # the upper voxels of the range
-    Coding coding
-    bint coded             # whether the box is quantised
-    Near near
+    Range entry            # where rays enter its region: `least`, of the object
     Shape shape
     bint loaded
     int gathered
@@ -182,150 +181,19 @@ cdef int meet_box(Search* s, Sweep w) except -1 nogil:
     return 0
 
 
-cdef inline int gather(Search* s, Sweep w, uint32_t ray) except -1 nogil:
-    """Note a ray, and have it fetched from memory while others are looked for."""
-    prefetch(&s.rays[ray].ox)
-    prefetch(&s.rays[ray].t)
-    s.rays_near[s.gathered] = ray
-    s.gathered += 1
-    if s.gathered == LANES:
-        meet_box(s, w)
-    return 0
-
-
-cdef inline int meet_entries(Search* s, Sweep w, VoxelRays v, int64_t first, int64_t last, int x,
-                             int y, int z) except -1 nogil:
-    """The rays of one voxel's entries that enter the object's region by it."""
-    cdef int64_t i
-    cdef uint64_t entry
-    cdef int faces = entered_by(&s.least, x, y, z)
-    for i in range(first, last):
-        entry = v.entries[i]
-        if faces >> entry_face(entry) & 1:
-            gather(s, w, entry_ray(entry))
-    return 0
-
-
-cdef inline int meet_lower(Search* s, Sweep w, VoxelRays v, int64_t first, int64_t last, int lower,
-                           int x, int y, int z) except -1 nogil:
-    """The same of a voxel by where it is in the upper voxel (x, y, z)."""
-    cdef int b = v.bits, mask = (1 << v.bits) - 1
-    return meet_entries(
-        s, w, v, first, last, x << b | (lower & mask), y << b | (lower >> b & mask),
-        z << b | lower >> 2 * b,
-    )
-
-
-cdef int meet_block_of(Search* s, Sweep w, VoxelRays v, int64_t block, int64_t last, int x, int y,
-                       int z) except -1 nogil:
-    """The rays of an upper voxel whose entries are sorted by voxel."""
-    cdef uint64_t word = v.block_word[block] & cube_word(&s.range, x, y, z, v.bits)
-    cdef int64_t at, lowers = 1 << 3 * v.bits
-    cdef int lower
-    while word:
-        lower = lowest_bit(word)
-        word &= word - 1
-        at = block * lowers + lower
-        meet_lower(
-            s, w, v, v.block_start[at], last if lower + 1 == lowers else v.block_start[at + 1],
-            lower, x, y, z,
-        )
-    return 0
-
-
-cdef int meet_upper(Search* s, Sweep w, VoxelRays v, int x, int y, int z) except -1 nogil:
-    """The rays in the part of the range that an upper voxel holds."""
-    cdef int64_t upper = upper_at(v, x, y, z)
-    cdef int64_t i, block, first = v.start[upper], last = v.start[upper + 1]
-    cdef uint64_t word
-    cdef int lower
-    if v.bits == 0:
-        return meet_entries(s, w, v, first, last, x, y, z)
-    if last - first >= CROWD:
-        block = block_of(v, upper)
-        if block >= 0:
-            return meet_block_of(s, w, v, block, last, x, y, z)
-    word = cube_word(&s.range, x, y, z, v.bits)
-    for i in range(first, last):
-        lower = lower_of(v, v.entries[i])
-        if word >> lower & 1:
-            meet_lower(s, w, v, i, i + 1, lower, x, y, z)
-    return 0
-
-
-cdef int meet_brick(Search* s, Sweep w, VoxelRays v, int bx, int by,
-                    int bz) except -1 nogil:
-    """The rays in the part of the range that a brick holds."""
-    cdef uint64_t word = brick_word(v, bx, by, bz)
-    cdef int bit
-    if not word:
-        return 0
-    word &= cube_word(&s.upper, bx, by, bz, BRICK_BITS)
-    while word:
-        bit = lowest_bit(word)
-        word &= word - 1
-        meet_upper(
-            s, w, v, bx << BRICK_BITS | (bit & 3), by << BRICK_BITS | (bit >> 2 & 3),
-            bz << BRICK_BITS | bit >> 4,
-        )
-    return 0
-
-
-cdef int meet_cube(Search* s, Sweep w, VoxelRays v, int level, int cx, int cy,
-                   int cz) except -1 nogil:
-    """The rays in the part of the range that a cube of some level holds."""
-    cdef int at[3]
-    cdef Range part
-    cdef int k, x, y, z, below
-    if level == 1:
-        return meet_brick(s, w, v, cx, cy, cz)
-    if not occupied(v, level, cx, cy, cz):
-        return 0
-    at[0], at[1], at[2] = cx, cy, cz
-    below = BRICK_BITS * (level - 1)
-    for k in range(3):
-        part.lo[k] = max(at[k] << BRICK_BITS, s.upper.lo[k] >> below)
-        part.hi[k] = min((at[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, s.upper.hi[k] >> below)
-    for z in range(part.lo[2], part.hi[2] + 1):
-        for y in range(part.lo[1], part.hi[1] + 1):
-            for x in range(part.lo[0], part.hi[0] + 1):
-                meet_cube(s, w, v, level - 1, x, y, z)
-    return 0
-
-
-cdef int meet_cubes(Search* s, Sweep w, VoxelRays v, int level) except -1 nogil:
-    """The same by the few cubes of a level that cover it."""
-    cdef int down = BRICK_BITS * level
-    cdef int x, y, z
-    for z in range(s.upper.lo[2] >> down, (s.upper.hi[2] >> down) + 1):
-        for y in range(s.upper.lo[1] >> down, (s.upper.hi[1] >> down) + 1):
-            for x in range(s.upper.lo[0] >> down, (s.upper.hi[0] >> down) + 1):
-                meet_cube(s, w, v, level, x, y, z)
-    return 0
-
-
-cdef inline bint in_one_brick(const Range* upper) noexcept nogil:
-    return (
-        upper.lo[0] >> BRICK_BITS == upper.hi[0] >> BRICK_BITS
-        and upper.lo[1] >> BRICK_BITS == upper.hi[1] >> BRICK_BITS
-        and upper.lo[2] >> BRICK_BITS == upper.hi[2] >> BRICK_BITS
-    )
-
-
-cdef int meet_rays(Search* s, Sweep w, VoxelRays v) except -1 nogil:
-    """All rays that enter the object's region."""
-    cdef int level = covering_level(v, &s.upper)
-    cdef int down = BRICK_BITS * level
-    cdef int x = s.upper.lo[0] >> down, y = s.upper.lo[1] >> down, z = s.upper.lo[2] >> down
-    if level == 1 and in_one_brick(&s.upper):
-        meet_brick(s, w, v, x, y, z)
-    else:
-        meet_cubes(s, w, v, level)
-    if s.gathered:
-        meet_box(s, w)
-    if s.pending:
-        meet_pending(s, w)
-    return 0
+cdef int meet_near(void* context) except -1 nogil:
+    """Of the entries that were gathered, those that enter the object's region."""
+    cdef Search* s = <Search*>context
+    cdef Near* near = &s.near
+    cdef int j, n = 0
+    for j in range(near.n):
+        if entered_by(&s.entry, near.at[j][0], near.at[j][1], near.at[j][2]) >> near.face[j] & 1:
+            prefetch(&s.rays[near.ray[j]].ox)
+            prefetch(&s.rays[near.ray[j]].t)
+            s.rays_near[n] = near.ray[j]
+            n += 1
+    s.gathered, near.n = n, 0
+    return meet_box(s, <Sweep>s.sweep)
 
 
 cdef inline void turn_to(Search* s, Sweep w, int place) noexcept nogil:
@@ -335,24 +203,30 @@ cdef inline void turn_to(Search* s, Sweep w, int place) noexcept nogil:
     s.loaded = False
 
 
-cdef int meet_many(Search* s, Sweep w, VoxelRays v, int n, const Range* ranges,
-                   const Range* least) except -1 nogil:
+cdef int meet_many(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block, each against the rays in its voxels."""
+    cdef Range region
     cdef int i
+    s.near.spill = meet_near
     for i in range(n):
-        if not box_empty(&w.box[i]):
+        if not eight_empty(&w.eight, i):
             turn_to(s, w, i)
-            box_grow(&w.box[i], s.grid.grow, &s.box)
-            s.range, s.least = ranges[i], least[i]
-            s.upper = uppers_of(v, &s.range)
-            meet_rays(s, w, v)
+            grown_at(&s.grown, i, &s.box)
+            region, s.entry = range_at(&s.voxels, i), range_at(&s.least, i)
+            entries_within(&region, v, &s.near)
+            meet_near(s)
+            if s.pending:
+                meet_pending(s, w)
     return 0
 
 
-cdef int choose(Near* near, const Regions* regions, uint8_t* which) noexcept nogil:
+cdef int choose(Near* near, const Voxels* voxels, const Voxels* least,
+                uint8_t* which) noexcept nogil:
     """Keep the rays that enter any of the regions, and which; returns how many."""
+    cdef Entries entries
     cdef int j, n = 0
-    entered(regions, near.n, near.at, &near.face[0], which)
+    entries_of(least, &entries)
+    entered(voxels, &entries, near.n, near.at, &near.face[0], which)
     for j in range(near.n):
         if which[j]:
             near.ray[n], which[n] = near.ray[j], which[j]
@@ -360,7 +234,7 @@ cdef int choose(Near* near, const Regions* regions, uint8_t* which) noexcept nog
     return n
 
 
-cdef void test_boxes(Search* s, const Eight* boxes, int n, int rays, Few* f) noexcept nogil:
+cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
     """Test each ray against the eight boxes, and note which of the n objects it meets."""
     cdef const Ray* r
     cdef double t
@@ -373,7 +247,7 @@ cdef void test_boxes(Search* s, const Eight* boxes, int n, int rays, Few* f) noe
         if t < 0.0:  # a shadow ray that has met something already
             continue
         s.box_tests += ones(f.which[j])
-        eight_span(boxes, &r.ox, &r.dx, &f.inv[j][0], &f.near[j][0], &f.far[j][0])
+        eight_span(&s.grown, &r.ox, &r.dx, &f.inv[j][0], &f.near[j][0], &f.far[j][0])
         for i in range(n):
             if f.which[j] >> i & 1 and f.near[j][i] <= f.far[j][i] and f.near[j][i] <= t:
                 f.met[i][f.count[i]] = <uint8_t>j
@@ -394,22 +268,15 @@ cdef inline void wait_for(Search* s, const Few* f, int j) noexcept nogil:
     s.pending += 1
 
 
-cdef int meet_few(Search* s, Sweep w, int n, const Range* ranges,
-                  const Range* least) except -1 nogil:
+cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
     """The n objects of a block, all against the few rays that are near any of them."""
-    cdef Regions regions
-    cdef Eight boxes
     cdef Few few
     cdef int i, j, rays
-    regions_of(ranges, least, &w.box[0], n, &regions)
-    rays = choose(&s.near, &regions, &few.which[0])
-    if rays == 0:
-        return 0
+    rays = choose(&s.near, &s.voxels, &s.least, &few.which[0])
     for j in range(rays):
         prefetch(&s.rays[s.near.ray[j]].ox)
         prefetch(&s.rays[s.near.ray[j]].t)
-    eight_of(&w.box[0], n, s.grid.grow, &boxes)
-    test_boxes(s, &boxes, n, rays, &few)
+    test_boxes(s, n, rays, &few)
     for i in range(n):
         if few.count[i]:
             turn_to(s, w, i)
@@ -420,25 +287,39 @@ cdef int meet_few(Search* s, Sweep w, int n, const Range* ranges,
     return 0
 
 
-cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
-    """The n objects of a block against the rays in their voxels."""
-    cdef Range ranges[BOXES]
-    cdef Range inside[BOXES]
-    cdef Range all
-    cdef const Range* least = &ranges[0]
-    box_ranges(s.grid, &s.sides, &w.box[0], n, &ranges[0])
-    range_union(&ranges[0], &w.box[0], n, &all)
-    if all.hi[0] < 0:
-        return 0
-    entries_within(&all, v, &s.near)
-    if s.near.n == 0 and not s.near.full:
-        return 0
+cdef inline void settle(Search* s, Sweep w, int n) noexcept nogil:
+    """Work out the boxes of the block, and their voxels."""
     if s.coded:
-        least_ranges(&s.sides, &s.coding, &w.box[0], n, &inside[0])
-        least = &inside[0]
-    if s.near.full:
-        return meet_many(s, w, v, n, &ranges[0], least)
-    return meet_few(s, w, n, &ranges[0], least)
+        eight_decoded(&s.coding, w.codes, n, &w.eight)
+        clear_outliers(w)
+    eight_grow(&w.eight, s.grid.grow, &s.grown)
+    eight_voxels(s.grid, &s.sides, &w.eight, &s.voxels)
+    if s.coded:
+        # A side that was coded is off by less than two steps, and one for the rounding of sums.
+        eight_inside(&s.sides, &s.coding.step[0], &w.eight, &s.least)
+    else:
+        s.least = s.voxels
+
+
+cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
+    """The n objects of a block against the rays in their voxels: of most blocks there are none."""
+    cdef Box all
+    cdef Range around
+    if s.coded:
+        coded_union(&s.coding, w.codes, n, &all.lo[0])
+    else:
+        eight_union(&w.eight, &all.lo[0])
+    if box_empty(&all):
+        return 0
+    around = rough_range(s.grid, &all)
+    s.near.spill = NULL
+    entries_within(&around, v, &s.near)
+    if s.near.n == 0:
+        return 0
+    settle(s, w, n)
+    if s.near.more:
+        return meet_many(s, w, v, n)
+    return meet_few(s, w, n)
 
 
 def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
@@ -477,6 +358,8 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
     s.grid = &lattice.grid
     sides_of(s.grid, &s.sides)
     s.rays = &rays[0]
+    s.sweep = <void*>sweep
+    s.near.context = &s
     s.gathered = s.pending = 0
     s.coded = parents is not None
     s.box_tests = s.object_tests = 0
@@ -489,7 +372,7 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
                 advance_to(sweep, ranges[k, 0])
             while sweep.index < ranges[k, 1]:
                 if s.coded:
-                    n = advance_coded(sweep, ranges[k, 1] - sweep.index, &s.coding)
+                    n = advance_coded(sweep, ranges[k, 1] - sweep.index)
                 else:
                     n = advance_block(sweep, ranges[k, 1] - sweep.index)
                 meet_block(&s, sweep, voxel_rays, n)

@@ -2,9 +2,8 @@
 
 from libc.stdint cimport int64_t, uint8_t
 
-from bfrt.geometry.box cimport box_empty
+from bfrt.geometry.eight cimport Sides, Voxels, eight_empty, eight_voxels, range_at, sides_of
 from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, entered_by
-from bfrt.geometry.lanes cimport BOXES, Sides, box_ranges, sides_of
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.subspace cimport Subspace
 from bfrt.scene.sweep cimport Sweep, advance_block, advance_to
@@ -88,7 +87,8 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace su
     marks : (layers, rows, row) uint8
         IN, OUT. The subspace's voxels. Threads may share it.
     """
-    cdef Range regions[BOXES]
+    cdef Voxels voxels
+    cdef Range region
     cdef Sides sides
     cdef int i, n
     cdef int64_t k
@@ -98,7 +98,8 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace su
             advance_to(sweep, ranges[k, 0])
             while sweep.index < ranges[k, 1]:
                 n = advance_block(sweep, ranges[k, 1] - sweep.index)
-                box_ranges(&lattice.grid, &sides, &sweep.box[0], n, &regions[0])
+                eight_voxels(&lattice.grid, &sides, &sweep.eight, &voxels)
                 for i in range(n):
-                    if not box_empty(&sweep.box[i]):
-                        mark_range(&lattice.grid, subspace, &regions[i], &marks[0, 0, 0])
+                    if not eight_empty(&sweep.eight, i):
+                        region = range_at(&voxels, i)
+                        mark_range(&lattice.grid, subspace, &region, &marks[0, 0, 0])

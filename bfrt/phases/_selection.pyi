@@ -14,6 +14,7 @@ class Selection:
         lattice: Lattice,
         where: VoxelRays | Subspace,
         ranges: NDArray[np.int64],
+        objects: int,
         parents: NDArray[np.float32] | None = None,
     ) -> int: ...
     def counts_read(self) -> tuple[int, int, int]: ...

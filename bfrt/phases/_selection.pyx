@@ -68,7 +68,8 @@ cdef class Selection:
         self.end[self.top] = self.counts[self.top]
         self.level = self.top
 
-    def select(self, Lattice lattice, where, int64_t[:, ::1] ranges, float[:, ::1] parents=None):
+    def select(self, Lattice lattice, where, int64_t[:, ::1] ranges, int64_t objects,
+               float[:, ::1] parents=None):
         """Find the next ranges of objects.
 
         Parameters
@@ -77,6 +78,8 @@ cdef class Selection:
             The voxels that hold rays, or those of a part of the grid.
         ranges : (capacity, 2) int64
             OUT. First and end of each, ascending.
+        objects : int
+            No more ranges are looked for when they have so many.
         parents : (capacity, 6) float32, optional
             OUT. The box around the objects of each range, which are then those of one parent.
 
@@ -89,9 +92,9 @@ cdef class Selection:
         cdef Subspace subspace = None if isinstance(where, VoxelRays) else where
         cdef Parent parent
         cdef bint near
-        cdef int64_t begin, n = 0
+        cdef int64_t begin, n = 0, found = 0
         cdef int k
-        while self.level <= self.top and n < ranges.shape[0]:
+        while self.level <= self.top and n < ranges.shape[0] and found < objects:
             k = self.level
             if self.next[k] == self.end[k]:
                 self.level += 1
@@ -107,7 +110,9 @@ cdef class Selection:
                 continue
             if k > 1:
                 self.descend(k - 1, begin, parent.end)
-            elif (parents is None and n and ranges[n - 1, 1] == begin
+                continue
+            found += parent.end - begin
+            if (parents is None and n and ranges[n - 1, 1] == begin
                     and parent.end - ranges[n - 1, 0] <= JOINED):
                 ranges[n - 1, 1] = parent.end
             else:

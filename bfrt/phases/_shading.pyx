@@ -6,6 +6,7 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.errors import StoreError
 from bfrt.geometry.box cimport Box
+from bfrt.geometry.eight cimport BOXES
 from bfrt.geometry.power cimport power
 from bfrt.geometry.shape cimport Shape, Surface, shape_bounds, shape_load, shape_surface
 from bfrt.geometry.vector cimport (
@@ -16,7 +17,7 @@ from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
 from bfrt.scene.sweep cimport (
-    BLOCK, Sweep, advance_materials, advance_records, fetch, pick, pick_material,
+    Sweep, advance_materials, advance_records, fetch, pick, pick_material,
 )
 
 cdef struct Bent:
@@ -117,7 +118,7 @@ cdef class Shader:
         """
         cdef int64_t at = 0, left = n
         cdef uint64_t first = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
-        cdef uint32_t materials[BLOCK]
+        cdef uint32_t materials[BOXES]
         cdef int block, i
         with nogil:
             while left > 0:

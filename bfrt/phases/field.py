@@ -46,7 +46,7 @@ class Field:
         self.read = 0
         self.marks_reused = False
         self.facts: dict[str, Any] = {}
-        self._selections = Selections(group.streams) if refine == "sgb" else None
+        self._selections = Selections(group.streams, workers.threads) if refine == "sgb" else None
         self._store = store
         self._workers = workers
         self._capacities = capacities

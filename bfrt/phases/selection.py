@@ -3,7 +3,7 @@ that are near what the pass is about."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,12 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._selection import Selection
 from bfrt.phases.subspace import Subspace
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.scene.objects import Objects
+from bfrt.scene.objects import Choose, Objects
 from bfrt.scene.store import Stream
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Phase
 
-#: Ranges of objects that are selected at once, and bytes of a level's read buffer.
-SELECTED = 16384
+#: Bytes of a level's read buffer.
 LEVEL_BUFFER = 1 << 16
 
 #: Objects that a thread takes at once, about: where many rays are, few objects are much work.
@@ -36,25 +35,34 @@ Where = VoxelRays | Subspace
 
 
 class Selections:
-    """The walks down the hierarchies of a group's streams."""
+    """The walks down the hierarchies of a group's streams.
 
-    def __init__(self, streams: list[Stream]) -> None:
-        self._ranges = np.empty((SELECTED, 2), np.int64)
-        self._parents = np.empty((SELECTED, 6), np.float32)
+    Attributes
+    ----------
+    parents : (threads, TOGETHER, 6) float32
+        The boxes around the objects of the ranges that each worker chose last.
+    """
+
+    def __init__(self, streams: list[Stream], threads: int) -> None:
+        self._ranges = np.empty((threads, TOGETHER, 2), np.int64)
+        self.parents = np.empty((threads, TOGETHER, 6), np.float32)
         self._walks = {s.number: Selection(s, LEVEL_BUFFER) for s in streams if s.levels}
 
-    def of(
-        self, stream: Stream, lattice: Lattice, where: Where, quantised: bool
-    ) -> Iterator[tuple[NDArray[np.int64], Parents | None]]:
-        """Ranges (n, 2) of the objects near `where`, ascending, with their parents where boxes are
-        `quantised`; each array is the same memory."""
-        walk = self._walks.get(stream.number)
-        if walk is None:  # there are no objects
-            return
+    def begin(self, stream: Stream, lattice: Lattice, where: Where, quantised: bool) -> Choose:
+        """Begin a stream's walk to the objects near `where`, which workers take in turns.
+
+        The ranges that a worker chooses are the same memory each time, and so are their `parents`,
+        which there are where boxes are `quantised`.
+        """
+        walk = self._walks[stream.number]
         walk.rewind()
-        parents = self._parents if quantised else None
-        while n := walk.select(lattice, where, self._ranges, parents):
-            yield self._ranges[:n], None if parents is None else parents[:n]
+
+        def choose(worker: int) -> NDArray[np.int64]:
+            ranges: NDArray[np.int64] = self._ranges[worker]
+            parents = self.parents[worker] if quantised else None
+            return ranges[: walk.select(lattice, where, ranges, TOGETHER, parents)]
+
+        return choose
 
     def count(self, phase: Phase) -> int:
         """Take over what walks have read; returns the boxes."""
@@ -86,22 +94,13 @@ def sweep_near(
     will do; returns how many they are."""
     swept = 0
     for stream in objects.group.streams:
-        objects.begin(stream)
+        if not stream.levels:  # there are no objects
+            continue
         coded = quantised and stream.quantised
-        for ranges, parents in selections.of(stream, lattice, where, coded):
-            found = int((ranges[:, 1] - ranges[:, 0]).sum())
-            swept += found
-            together = max(1, TOGETHER * len(ranges) // found)
 
-            def some(
-                _: int,
-                sweep: Sweep,
-                a: int,
-                b: int,
-                ranges: NDArray[np.int64] = ranges,
-                parents: Parents | None = parents,
-            ) -> None:
-                loop(sweep, ranges[a:b], None if parents is None else parents[a:b])
+        def meet(worker: int, sweep: Sweep, ranges: NDArray[np.int64], coded: bool = coded) -> None:
+            loop(sweep, ranges, selections.parents[worker, : len(ranges)] if coded else None)
 
-            objects.some(stream, ranges, some, together=together)
+        objects.begin(stream)
+        swept += objects.chosen(stream, selections.begin(stream, lattice, where, coded), meet)
     return swept

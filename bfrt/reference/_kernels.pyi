@@ -3,6 +3,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.geometry.lattice import Lattice
+
 def power(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def spans(
     boxes: NDArray[np.float32],
@@ -16,10 +18,15 @@ def spans_of_eight(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
 ) -> NDArray[np.float64]: ...
+def voxels_of_eight(
+    boxes: NDArray[np.float32], lattice: Lattice
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]: ...
+def decoded_eight(
+    parent: NDArray[np.float32], codes: NDArray[np.uint8]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 def entered_of_eight(
-    ranges: NDArray[np.int32],
+    regions: NDArray[np.int32],
     least: NDArray[np.int32],
-    boxes: NDArray[np.float32],
     voxels: NDArray[np.int32],
     faces: NDArray[np.uint8],
 ) -> NDArray[np.uint8]: ...

@@ -7,9 +7,13 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.eight cimport Eight, Regions, eight_of, eight_span, entered, regions_of
-from bfrt.geometry.grid cimport Range
+from bfrt.geometry.eight cimport (
+    Eight, Entries, GrownEight, Sides, Voxels, eight_grow, eight_of, eight_span,
+    eight_union, eight_voxels, entered, entries_of, sides_of,
+)
+from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.power cimport power as core_power
+from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.shape cimport (
     Meeting, Shape, Surface, shape_bounds, shape_load, shape_meet, shape_surface,
 )
@@ -90,25 +94,75 @@ def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] 
     cdef double[:, :, ::1] out = np.empty((origins.shape[0], 2, 8))
     cdef double inv[3]
     cdef Eight eight
+    cdef GrownEight grown
     cdef int64_t i
-    eight_of(<const Box*>&boxes[0, 0], <int>boxes.shape[0], grow, &eight)
+    eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
+    eight_grow(&eight, grow, &grown)
     for i in range(origins.shape[0]):
         eight_span(
-            &eight, &origins[i, 0], &directions[i, 0], &inv[0], &out[i, 0, 0], &out[i, 1, 0]
+            &grown, &origins[i, 0], &directions[i, 0], &inv[0], &out[i, 0, 0], &out[i, 1, 0]
         )
     return np.swapaxes(np.asarray(out), 1, 2)
 
 
-def entered_of_eight(const int[:, ::1] ranges, const int[:, ::1] least, const float[:, ::1] boxes,
-                     const int[:, ::1] voxels, const uint8_t[::1] faces):
-    """Which of up to eight regions a ray enters that comes into a voxel by a face.
+def voxels_of_eight(const float[:, ::1] boxes, Lattice lattice):
+    """The voxels of up to eight boxes, worked out together, and the box around all.
 
     Parameters
     ----------
-    ranges, least : (m, 6) int32
-        Their voxels, from and to; and what they hold at the least.
     boxes : (m, 6) float32
-        Empty ones are entered by nothing.
+    lattice : Lattice
+
+    Returns
+    -------
+    voxels : (8, 6) int32
+        From and to; of empty boxes, and beyond the last, a range that nothing is in.
+    around : (6,) float32
+    """
+    cdef int[:, ::1] out = np.empty((6, 8), np.int32)
+    cdef float[::1] around = np.empty(6, np.float32)
+    cdef Eight eight
+    cdef Sides sides
+    eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
+    eight_union(&eight, &around[0])
+    sides_of(&lattice.grid, &sides)
+    eight_voxels(&lattice.grid, &sides, &eight, <Voxels*>&out[0, 0])
+    return np.asarray(out).T, np.asarray(around)
+
+
+def decoded_eight(const float[::1] parent, const uint8_t[:, ::1] codes):
+    """Up to eight quantised boxes, and the box around all.
+
+    Parameters
+    ----------
+    parent : (6,) float32
+        In which they are quantised.
+    codes : (m, 6) uint8
+
+    Returns
+    -------
+    boxes : (8, 6) float32
+        Empty ones beyond the last.
+    around : (6,) float32
+    """
+    cdef float[:, ::1] out = np.empty((6, 8), np.float32)
+    cdef float[::1] around = np.empty(6, np.float32)
+    cdef Coding coding
+    cdef int n = <int>codes.shape[0]
+    coding_in(<const Box*>&parent[0], &coding)
+    eight_decoded(&coding, &codes[0, 0], n, <Eight*>&out[0, 0])
+    coded_union(&coding, &codes[0, 0], n, &around[0])
+    return np.asarray(out).T, np.asarray(around)
+
+
+def entered_of_eight(const int[:, ::1] regions, const int[:, ::1] least,
+                     const int[:, ::1] voxels, const uint8_t[::1] faces):
+    """Which of eight regions a ray enters that comes into a voxel by a face.
+
+    Parameters
+    ----------
+    regions, least : (6, 8) int32
+        Their voxels, from and to; and what they hold at the least.
     voxels : (n, 3) int32
     faces : (n,) uint8
 
@@ -118,13 +172,11 @@ def entered_of_eight(const int[:, ::1] ranges, const int[:, ::1] least, const fl
         A bit each.
     """
     cdef uint8_t[::1] out = np.empty(voxels.shape[0], np.uint8)
-    cdef Regions regions
-    regions_of(
-        <const Range*>&ranges[0, 0], <const Range*>&least[0, 0], <const Box*>&boxes[0, 0],
-        <int>ranges.shape[0], &regions,
-    )
+    cdef Entries entries
+    entries_of(<const Voxels*>&least[0, 0], &entries)
     entered(
-        &regions, <int>voxels.shape[0], <const int (*)[3]>&voxels[0, 0], &faces[0], &out[0]
+        <const Voxels*>&regions[0, 0], &entries, <int>voxels.shape[0],
+        <const int (*)[3]>&voxels[0, 0], &faces[0], &out[0],
     )
     return np.asarray(out)
 
@@ -141,16 +193,17 @@ def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
 
     Returns
     -------
-    (n, 6) float32
+    (8, 6) float32
+        Empty ones beyond the last.
     """
-    cdef float[:, ::1] out = np.empty((records.shape[0], 6), np.float32)
+    cdef float[:, ::1] out = np.empty((6, 8), np.float32)
     cdef Frame frame
     frame.wide = wide
     frame.origin = vec(origin[0], origin[1], origin[2])
     core_sphere_boxes(
-        &records[0, 0], records.shape[1], &frame, <int>records.shape[0], <Box*>&out[0, 0]
+        &records[0, 0], records.shape[1], &frame, <int>records.shape[0], <Eight*>&out[0, 0]
     )
-    return np.asarray(out)
+    return np.ascontiguousarray(np.asarray(out).T)
 
 
 def meet(int kind, const double[::1] record, origin, double grow, const double[:, ::1] origins,

@@ -5,8 +5,8 @@ cimport cython
 from libc.stdint cimport int64_t
 
 from bfrt.geometry.box cimport Box, box_clear, box_empty, box_union
-from bfrt.geometry.lanes cimport BOXES, Coding
-from bfrt.geometry.quantised cimport codes_of, coding_in
+from bfrt.geometry.eight cimport BOXES, Eight, eight_of
+from bfrt.geometry.quantised cimport Coding, codes_of, coding_in
 from bfrt.records cimport Parent
 
 
@@ -103,6 +103,7 @@ def quantise(const float[:, ::1] boxes, const Parent[::1] parents, int64_t first
         OUT. As bfrt/geometry/quantised.pxd has them.
     """
     cdef Coding coding
+    cdef Eight eight
     cdef int64_t end, i = 0, k
     cdef int n
     with nogil:
@@ -111,5 +112,6 @@ def quantise(const float[:, ::1] boxes, const Parent[::1] parents, int64_t first
             end = min(parents[k].end - first, boxes.shape[0])
             while i < end:
                 n = <int>min(<int64_t>BOXES, end - i)
-                codes_of(&coding, <const Box*>&boxes[i, 0], n, &codes[i, 0])
+                eight_of(&boxes[i, 0], n, &eight)
+                codes_of(&coding, &eight, n, &codes[i, 0])
                 i += n

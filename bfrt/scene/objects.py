@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,12 @@ Loop = Callable[[int, Sweep, int, int], None]
 
 #: Called with a worker's number, its sweep, and which of the ranges [first, last) to do.
 SomeLoop = Callable[[int, Sweep, int, int], None]
+
+#: Called with a worker's number; returns ranges (n, 2) of objects, behind all that came before.
+Choose = Callable[[int], NDArray[np.int64]]
+
+#: Called with a worker's number, its sweep, and the ranges in its window.
+ChosenLoop = Callable[[int, Sweep, NDArray[np.int64]], None]
 
 #: The fewest objects worth handing to a thread.
 FEWEST = 128
@@ -84,21 +91,42 @@ class Objects:
         """Call `loop` for ranges (n, 2) of a stream's objects, ascending, and behind those that
         were swept since `begin`; for up to so many `together`."""
 
-        if not len(ranges):
-            return
+        def chunk(worker: int, first: int, last: int) -> None:
+            loop(worker, self._sweep_at(stream, worker, ranges[first:last]), first, last)
+
+        self._workers.run(chunk, len(ranges), largest=together)
+
+    def chosen(self, stream: Stream, choose: Choose, loop: ChosenLoop) -> int:
+        """Have each worker choose ranges of a stream's objects and call `loop` for them, until
+        there are none; returns how many objects they were.
+
+        They choose in turn, so that ranges ascend.
+        """
+        turn = threading.Lock()
+        swept = 0
+
+        def step(worker: int) -> bool:
+            nonlocal swept
+            with turn:
+                ranges = choose(worker)
+                swept += int((ranges[:, 1] - ranges[:, 0]).sum())
+            if len(ranges):
+                loop(worker, self._sweep_at(stream, worker, ranges), ranges)
+            return len(ranges) > 0
+
+        self._workers.repeat(step)
+        return swept
+
+    def _sweep_at(self, stream: Stream, worker: int, ranges: NDArray[np.int64]) -> Sweep:
+        """A worker's sweep, with those ranges of objects in its window."""
+        sweep = self._sweeps[stream.number][worker]
         asked = int((ranges[:, 1] - ranges[:, 0]).sum())
         apart = 0.0
         if asked < LONELY * int(ranges[-1, 1] - ranges[0, 0]):
             apart = float(np.median(np.diff(ranges[:, 0]))) / stream.count
-        for sweep in self._sweeps[stream.number]:
-            sweep.expect(apart)
-
-        def chunk(worker: int, first: int, last: int) -> None:
-            sweep = self._sweeps[stream.number][worker]
-            sweep.window(int(ranges[first, 0]), int(ranges[last - 1, 1]))
-            loop(worker, sweep, first, last)
-
-        self._workers.run(chunk, len(ranges), largest=together)
+        sweep.expect(apart)
+        sweep.window(int(ranges[0, 0]), int(ranges[-1, 1]))
+        return sweep
 
     def counts(self) -> tuple[int, int]:
         """Bytes read and seeks since the last call."""

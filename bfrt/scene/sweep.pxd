@@ -1,18 +1,13 @@
 """A sweep over one stream's objects: box and geometry of each, in order, without the GIL."""
 
-from libc.stdint cimport int64_t, uint16_t, uint32_t
+from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t
 from libc.string cimport memcpy
 
-from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.lanes cimport Coding
-from bfrt.geometry.quantised cimport boxes_of
+from bfrt.geometry.eight cimport BOXES, Eight, eight_clear, eight_of
 from bfrt.geometry.sphere cimport sphere_boxes
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, skip, take
-
-cdef enum:
-    BLOCK = 8  # objects that a loop looks at together
 
 
 cdef class Sweep:
@@ -39,10 +34,11 @@ cdef class Sweep:
     cdef readonly int64_t geometry_read  # objects whose geometry was read
     # The block that `advance_block` came to:
     cdef int64_t first     # its first object
-    cdef uint32_t ends[BLOCK + 1]  # polygons: where each begins, in vertices, and the last ends
+    cdef uint32_t ends[BOXES + 1]  # polygons: where each begins, in vertices, and the last ends
     cdef const unsigned char* record  # their records, where they lie together, or NULL
     cdef uint32_t count    # vertices of the polygon that `fetch` gave
-    cdef Box box[BLOCK]
+    cdef Eight eight       # their boxes
+    cdef const uint8_t* codes  # or what these are coded as, after `advance_coded`
 
     cpdef int window(self, int64_t first, int64_t last) except -1
     cdef int64_t end_of(self, int64_t index) except -1
@@ -104,12 +100,12 @@ cdef inline const unsigned char* fetch(Sweep s, int i) except NULL nogil:
 
 
 cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
-    """Come to the next objects, up to `most` and BLOCK: their records alone; returns n >= 1.
+    """Come to the next objects, up to `most` and BOXES: their records alone; returns n >= 1.
 
     A sweep that is not lazy reads all of them; polygons then come one at a time, for their
     records are not of one size.
     """
-    cdef int n = <int>(most if most < BLOCK else BLOCK)
+    cdef int n = <int>(most if most < BOXES else BOXES)
     s.first = s.index
     s.record = NULL
     if s.kind == POLYGON:
@@ -127,21 +123,21 @@ cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
 
 
 cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
-    """Come to the next objects, up to `most` and BLOCK: records and boxes; returns n >= 1."""
+    """Come to the next objects, up to `most` and BOXES: records and boxes; returns n >= 1."""
     cdef int n = advance_records(s, most)
     if s.boxes is not None:
-        memcpy(&s.box[0], take(s.boxes, BOX_BYTES * n), BOX_BYTES * n)
+        eight_of(<const float*>take(s.boxes, BOX_BYTES * n), n, &s.eight)
     else:
-        sphere_boxes(s.record, s.stride, &s.frame, n, &s.box[0])
+        sphere_boxes(s.record, s.stride, &s.frame, n, &s.eight)
     clear_outliers(s)
     return n
 
 
-cdef inline int advance_coded(Sweep s, int64_t most, const Coding* coding) except -1 nogil:
-    """The same with quantised boxes, of objects of one parent."""
+cdef inline int advance_coded(Sweep s, int64_t most) except -1 nogil:
+    """The same with quantised boxes, for who needs them to decode: their outliers too are there
+    until `clear_outliers`."""
     cdef int n = advance_records(s, most)
-    boxes_of(coding, take(s.quantised, CODE_BYTES * n), n, &s.box[0])
-    clear_outliers(s)
+    s.codes = take(s.quantised, CODE_BYTES * n)
     return n
 
 
@@ -149,7 +145,7 @@ cdef inline void clear_outliers(Sweep s) noexcept nogil:
     """Rays meet them before they enter the grid."""
     while s.outlier < s.outliers.shape[0] and s.outliers[s.outlier] < s.index:
         if s.outliers[s.outlier] >= s.first:
-            box_clear(&s.box[s.outliers[s.outlier] - s.first])
+            eight_clear(&s.eight, <int>(s.outliers[s.outlier] - s.first))
         s.outlier += 1
 
 
@@ -178,7 +174,7 @@ cdef inline const unsigned char* pick(Sweep s, int64_t index) except NULL nogil:
 
 
 cdef inline int advance_materials(Sweep s, int n, uint32_t* materials) except -1 nogil:
-    """Come to the materials of the next n <= BLOCK objects."""
+    """Come to the materials of the next n <= BOXES objects."""
     cdef const unsigned char* p
     cdef int i
     if s.materials is None:

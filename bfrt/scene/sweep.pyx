@@ -7,6 +7,7 @@ degenerate object is: nothing in the grid meets it again.
 cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
+from bfrt.geometry.eight cimport BOXES
 from bfrt.geometry.vector cimport vec
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, take
@@ -55,7 +56,7 @@ cdef class Sweep:
         if stream.quantised and lazy:
             names.append("quantised")
         self.tapes = tapes or tuple(Tape(stream.path(name)) for name in names)
-        largest = self.stride * max(BLOCK, stream.largest)
+        largest = self.stride * max(BOXES, stream.largest)
         self.lazy = lazy
         room = {
             "geometry": max(capacity, largest), "boxes": capacity, "quantised": capacity // 4,

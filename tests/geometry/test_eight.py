@@ -8,12 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import units
 
+from bfrt.geometry.lattice import Lattice
 from bfrt.records import Kind
 from bfrt.reference import _kernels
 from bfrt.scene._bounds import bound
 
 #: Faces by which a voxel is entered: low ones of three axes, high ones, and none for a start.
 LOW, HIGH, START = 0, 3, 6
+
+#: An empty box, and the voxels of one.
+NONE = np.array([np.inf] * 3 + [-np.inf] * 3, np.float32)
+NOWHERE = [2**31 - 1] * 3 + [-1] * 3
 
 coordinates = st.floats(-(2.0**100), 2.0**100, width=32)
 radii = st.one_of(st.just(0.0), st.floats(-(2.0**100), 2.0**100, width=32))
@@ -29,7 +34,8 @@ def test_boxes_of_spheres(rows, dtype, origin):
     none = np.zeros(len(rows), np.uint32)
     bound(Kind.SPHERE, flat, none, wide, origin, 4, expected)
     found = _kernels.sphere_boxes(records.view(np.uint8).reshape(len(rows), -1), wide, origin)
-    np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
+    np.testing.assert_array_equal(found[: len(rows)].view(np.uint32), expected.view(np.uint32))
+    assert (found[len(rows) :] == NONE).all()
 
 
 def test_rounding_where_numbers_vanish():
@@ -37,7 +43,7 @@ def test_rounding_where_numbers_vanish():
     records = np.array([[0.0, 1e-60, -1e-60, 1e-50]])
     found = _kernels.sphere_boxes(records.view(np.uint8), True, (0, 0, 0))
     least = np.nextafter(np.float32(0), np.float32(1))
-    np.testing.assert_array_equal(found, [[-least, -least, -least, least, least, least]])
+    np.testing.assert_array_equal(found[:1], [[-least, -least, -least, least, least, least]])
 
 
 @pytest.mark.parametrize("count", range(1, 9))
@@ -58,30 +64,72 @@ def test_spans(count):
         assert 0 < met.sum() < len(met)
 
 
+@given(st.integers(0, 2**32), st.integers(1, 8))
+def test_voxels(seed, count):
+    """Those of each box by itself, where sides lie on planes of the grid, and outside it, too."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(int(n) for n in rng.integers(1, 9, 3))
+    lattice = Lattice((-1.0, 0.0, 2.0), (3.0, 5.0, 3.0), shape, 2.0**-40)
+    planes = [
+        np.linspace(lo, hi, n + 1) for lo, hi, n in zip((-1, 0, 2), (3, 5, 3), shape, strict=True)
+    ]
+    corners = np.stack([rng.choice(p, (count, 2)) for p in planes], axis=-1)
+    corners += rng.choice([0.0, 1e-7, -1e-7, 0.1, 9.0], corners.shape)
+    boxes = np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1).astype(np.float32)
+    boxes[rng.random(count) < 0.2] = NONE
+    voxels, around = _kernels.voxels_of_eight(boxes, lattice)
+    for box, found in zip(boxes, voxels[:count], strict=True):
+        expected = NOWHERE if box[0] > box[3] else [*sum(lattice.range_of(box), ())]
+        assert found.tolist() == expected
+    assert (voxels[count:] == NOWHERE).all()
+    np.testing.assert_array_equal(around[:3], boxes[:, :3].min(axis=0))
+    np.testing.assert_array_equal(around[3:], boxes[:, 3:].max(axis=0))
+
+
+@given(st.integers(0, 2**32), st.integers(1, 8), st.floats(-30, 30))
+def test_decoded_boxes_and_the_box_around_them(seed, count, scale):
+    rng = np.random.default_rng(seed)
+    ends = np.sort((rng.normal(0, 1, (2, 3)) * 2.0**scale).astype(np.float32), axis=0)
+    codes = rng.integers(0, rng.choice([2, 256]), (count, 6)).astype(np.uint8)
+    boxes, around = _kernels.decoded_eight(ends.reshape(-1), codes)
+    step = np.abs(ends[1].astype(np.float64) - ends[0]) / 255
+    lo = ends[0] + codes[:, :3] * step
+    hi = ends[1] - codes[:, 3:] * step
+    np.testing.assert_allclose(boxes[:count], np.hstack([lo, hi]), rtol=0, atol=1e-5 * 2.0**scale)
+    assert (boxes[count:] == NONE).all()
+    np.testing.assert_array_equal(around[:3], boxes[:count, :3].min(axis=0))
+    np.testing.assert_array_equal(around[3:], boxes[:count, 3:].max(axis=0))
+
+
 triples = st.tuples(*[st.integers(0, 3)] * 3)
-regions = st.lists(
+rows_of_regions = st.lists(
     st.tuples(triples, triples, triples, triples, st.booleans()), min_size=1, max_size=8
 )
 
 
-@given(regions, st.lists(st.tuples(triples, st.integers(0, START)), min_size=1, max_size=64))
+@given(
+    rows_of_regions, st.lists(st.tuples(triples, st.integers(0, START)), min_size=1, max_size=64)
+)
 def test_regions_that_are_entered(rows, entries):
     corners = np.array([row[:4] for row in rows], np.int32)
-    ranges = np.concatenate([corners[:, :2].min(axis=1), corners[:, :2].max(axis=1)], axis=1)
-    least = np.concatenate([corners[:, 2], corners[:, 3]], axis=1)  # in any order
-    empty = np.array([row[4] for row in rows])
-    boxes = np.tile(np.array([0, 0, 0, 1, 1, 1], np.float32), (len(rows), 1))
-    boxes[empty] = [np.inf] * 3 + [-np.inf] * 3
+    ranges = np.tile(np.array(NOWHERE, np.int32), (8, 1))
+    least = np.zeros((8, 6), np.int32)
+    ranges[: len(rows)] = np.concatenate(
+        [corners[:, :2].min(axis=1), corners[:, :2].max(axis=1)], axis=1
+    )
+    least[: len(rows)] = np.concatenate([corners[:, 2], corners[:, 3]], axis=1)  # in any order
+    ranges[: len(rows)][[row[4] for row in rows]] = NOWHERE
     voxels = np.array([entry[0] for entry in entries], np.int32)
     faces = np.array([entry[1] for entry in entries], np.uint8)
-    found = _kernels.entered_of_eight(ranges, least, boxes, voxels, faces)
+    turned = [np.ascontiguousarray(table.T) for table in (ranges, least)]
+    found = _kernels.entered_of_eight(*turned, voxels, faces)
     for j, (voxel, face) in enumerate(zip(voxels, faces, strict=True)):
         expected = 0
-        for i in range(len(rows)):
+        for i in range(8):
             inside = (ranges[i, :3] <= voxel).all() and (voxel <= ranges[i, 3:]).all()
             if face < HIGH:
                 inside = inside and voxel[face - LOW] <= least[i, face - LOW]
             elif face < START:
                 inside = inside and voxel[face - HIGH] >= least[i, face]
-            expected |= (inside and not empty[i]) << i
+            expected |= int(inside) << i
         assert found[j] == expected

@@ -135,8 +135,13 @@ def occupied(shape, voxels):
     return rays
 
 
-@given(seed=st.integers(0, 2**32), n=st.integers(1, 400), room=st.sampled_from([1, 3, 1000]))
-def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room):
+@given(
+    seed=st.integers(0, 2**32),
+    n=st.integers(1, 400),
+    room=st.sampled_from([1, 3, 1000]),
+    most=st.sampled_from([1, 50, 1000]),
+)
+def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room, most):
     """What is left out is in no occupied voxel, by brute force."""
     rng = np.random.default_rng(seed)
     folder = tmp_path_factory.mktemp("selection")
@@ -149,7 +154,7 @@ def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room
     lattice = Lattice((-10.0,) * 3, (10.0,) * 3, shape, 1e-6)
     voxels = np.unique(rng.integers(0, np.prod(shape), rng.integers(0, 6)))
     selection, ranges, found = Selection(stream, 4096), np.empty((room, 2), np.int64), []
-    while k := selection.select(lattice, occupied(shape, voxels), ranges):
+    while k := selection.select(lattice, occupied(shape, voxels), ranges, most):
         found.extend(range(a, b) for a, b in ranges[:k].tolist())
     chosen = [i for part in found for i in part]
     assert chosen == sorted(set(chosen)) and set(chosen) <= set(range(n))
