@@ -17,7 +17,7 @@ from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
-from bfrt.geometry.vector cimport vec
+from bfrt.geometry.vector cimport Vec, vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
 from bfrt.phases.nearby cimport MOST_NEAR, Near, entries_within
 from bfrt.phases.nearest cimport nearer
@@ -143,11 +143,30 @@ cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
     return 0
 
 
+cdef inline void wait_for(Search* s, uint32_t ray, Vec inv, double near,
+                          double far) noexcept nogil:
+    """Have a ray that met the box wait for the object."""
+    cdef const Ray* r = &s.rays[ray]
+    cdef Meeting* m = &s.meetings[s.pending]
+    m.line.o = vec(r.ox, r.oy, r.oz)
+    m.line.d = vec(r.dx, r.dy, r.dz)
+    m.line.inv = inv
+    m.span.near, m.span.far = near, far
+    m.mark = ray
+    s.pending += 1
+
+
+cdef inline void fetch_ray(const Search* s, uint32_t ray) noexcept nogil:
+    """Have a ray fetched from memory, which is on two lines of it, while others are looked at."""
+    prefetch(&s.rays[ray].ox)
+    prefetch(&s.rays[ray].t)
+
+
 cdef int meet_box(Search* s, Sweep w) except -1 nogil:
     """Test the gathered rays against the box; those that meet it are pending."""
     cdef Lanes* l = &s.lanes
     cdef const Ray* r
-    cdef Meeting* m
+    cdef Vec inv
     cdef double t
     cdef uint32_t ray
     cdef int i, n = 0
@@ -171,13 +190,8 @@ cdef int meet_box(Search* s, Sweep w) except -1 nogil:
             continue
         if s.pending == LANES:
             meet_pending(s, w)
-        m = &s.meetings[s.pending]
-        m.line.o = vec(l.o[0][i], l.o[1][i], l.o[2][i])
-        m.line.d = vec(l.d[0][i], l.d[1][i], l.d[2][i])
-        m.line.inv = vec(l.inv[0][i], l.inv[1][i], l.inv[2][i])
-        m.span.near, m.span.far = l.near[i], l.far[i]
-        m.mark = s.rays_near[i]
-        s.pending += 1
+        inv = vec(l.inv[0][i], l.inv[1][i], l.inv[2][i])
+        wait_for(s, s.rays_near[i], inv, l.near[i], l.far[i])
     return 0
 
 
@@ -188,8 +202,7 @@ cdef int meet_near(void* context) except -1 nogil:
     cdef int j, n = 0
     for j in range(near.n):
         if entered_by(&s.entry, near.at[j][0], near.at[j][1], near.at[j][2]) >> near.face[j] & 1:
-            prefetch(&s.rays[near.ray[j]].ox)
-            prefetch(&s.rays[near.ray[j]].t)
+            fetch_ray(s, near.ray[j])
             s.rays_near[n] = near.ray[j]
             n += 1
     s.gathered, near.n = n, 0
@@ -254,34 +267,24 @@ cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
                 f.count[i] += 1
 
 
-cdef inline void wait_for(Search* s, const Few* f, int j) noexcept nogil:
-    """Have a ray that met the box wait for the object, unless what it met since is nearer."""
-    cdef const Ray* r = &s.rays[s.near.ray[j]]
-    cdef Meeting* m = &s.meetings[s.pending]
-    if f.near[j][s.place] > atomic_load(&r.t):
-        return
-    m.line.o = vec(r.ox, r.oy, r.oz)
-    m.line.d = vec(r.dx, r.dy, r.dz)
-    m.line.inv = vec(f.inv[j][0], f.inv[j][1], f.inv[j][2])
-    m.span.near, m.span.far = f.near[j][s.place], f.far[j][s.place]
-    m.mark = s.near.ray[j]
-    s.pending += 1
-
-
 cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
     """The n objects of a block, all against the few rays that are near any of them."""
     cdef Few few
-    cdef int i, j, rays
+    cdef Vec inv
+    cdef int i, j, k, rays
     rays = choose(&s.near, &s.voxels, &s.least, &few.which[0])
     for j in range(rays):
-        prefetch(&s.rays[s.near.ray[j]].ox)
-        prefetch(&s.rays[s.near.ray[j]].t)
+        fetch_ray(s, s.near.ray[j])
     test_boxes(s, n, rays, &few)
     for i in range(n):
         if few.count[i]:
             turn_to(s, w, i)
-            for j in range(few.count[i]):
-                wait_for(s, &few, few.met[i][j])
+            for k in range(few.count[i]):
+                j = few.met[i][k]
+                # Unless what it met since is nearer.
+                if not few.near[j][i] > atomic_load(&s.rays[s.near.ray[j]].t):
+                    inv = vec(few.inv[j][0], few.inv[j][1], few.inv[j][2])
+                    wait_for(s, s.near.ray[j], inv, few.near[j][i], few.far[j][i])
             if s.pending:
                 meet_pending(s, w)
     return 0

@@ -21,7 +21,7 @@ from bfrt.stats import Phase
 LEVEL_BUFFER = 1 << 16
 
 #: Objects that a thread takes at once, about: where many rays are, few objects are much work.
-TOGETHER = 2048
+TOGETHER = 4096
 
 #: The boxes (n, 6) around the objects of ranges.
 Parents = NDArray[np.float32]

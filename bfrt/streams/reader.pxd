@@ -16,6 +16,7 @@ cdef class Tape:
     cdef readonly object path
     cdef readonly int64_t size
     cdef int fd
+    cdef bint lonely       # the system has been told not to read ahead
     cdef int64_t last_end
     cdef int64_t bytes_read
     cdef int64_t seeks

@@ -126,7 +126,9 @@ cdef class Reader:
         if self.sparse:
             self.gap = PAGE if lonely else GAP
             self.least = self.span = min(self.capacity, <size_t>self.gap)
-            advise(self.tape.fd, lonely)
+            if lonely != self.tape.lonely:
+                advise(self.tape.fd, lonely)
+                self.tape.lonely = lonely
 
     cpdef int window(self, int64_t begin, int64_t stop) except -1:
         """Go forward to `begin`, to read up to `stop` and not a byte beyond.
