@@ -221,7 +221,8 @@ def fixed_bytes(store: Store, threads: int) -> int:
     largest = max((s.stride * s.largest for s in store.streams), default=0)
     buffers = len(store.streams) * threads * (READ_BUFFER * 10 // 4 + largest)
     outgoing = threads * emit_room(len(store.lights)) * QUEUED_BYTES
-    levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER + threads * TOGETHER * 40
+    levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER
+    levels += len(store.groups) * threads * TOGETHER * 40
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
     return BASELINE + buffers + levels + outgoing + palette
 

@@ -154,3 +154,19 @@ def test_one_thread_works_in_the_caller():
     workers.run(lambda *_: names.add(threading.current_thread().name), 100, largest=1)
     workers.close()
     assert names == {threading.current_thread().name}
+
+
+def test_steps_are_repeated_until_there_are_none(workers):
+    left = iter(range(1000))
+    done = []
+
+    def step(_):
+        found = next(left, None)
+        if found is not None:
+            done.append(found)
+        return found is not None
+
+    workers.repeat(step)
+    assert sorted(done) == list(range(1000))
+    workers.repeat(step, alone=True)
+    assert len(done) == 1000

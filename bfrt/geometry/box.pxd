@@ -53,7 +53,7 @@ cdef inline void box_clear(Box* b) noexcept nogil:
 
 
 cdef inline bint box_empty(const Box* b) noexcept nogil:
-    return b.lo[0] > b.hi[0]
+    return b.lo[0] > b.hi[0] or b.lo[1] > b.hi[1] or b.lo[2] > b.hi[2]
 
 
 cdef inline void box_between(Box* b, Vec lo, Vec hi) noexcept nogil:

@@ -4,15 +4,16 @@ and the boxes that one line meets. What is said of one box at a time, box.pxd an
 ::
 
     side    [LOW + axis], [HIGH + axis], of each of the eight
-    empty   lo = inf, hi = -inf; so are those beyond the last, where there are fewer
+    empty   lo > hi on some axis; so are those beyond the last, where there are fewer
 
 The other way round, one box against many lines, is lanes.pxd's, whose BFRT_CLONES and whose
 promise of the same bits hold here too.
 """
 
+from libc.math cimport INFINITY
 from libc.stdint cimport uint8_t
 
-from bfrt.geometry.box cimport Box, Grown
+from bfrt.geometry.box cimport Grown
 from bfrt.geometry.grid cimport HIGH, START, Grid, Range, located
 from bfrt.geometry.lanes cimport LANES  # and BFRT_CLONES
 
@@ -60,7 +61,7 @@ cdef extern from *:
         }
     }
 
-    /* What bfrt_below says of each of a number for each side. */
+    /* What bfrt_below says of the numbers of all sides. */
     BFRT_CLONES
     static void bfrt_eight_below(const double *x, float *below)
     {
@@ -112,21 +113,23 @@ cdef extern from *:
         }
         for (int k = 0; k < 3; k++)
             for (int i = 0; i < BFRT_BOXES; i++) {
-                int empty = e->side[0][i] > e->side[3][i];
+                int empty = (e->side[0][i] > e->side[3][i]) | (e->side[1][i] > e->side[4][i])
+                    | (e->side[2][i] > e->side[5][i]);
                 v->side[k][i] = empty ? INT_MAX : v->side[k][i];
                 v->side[3 + k][i] = empty ? -1 : v->side[3 + k][i];
             }
         return differ;
     }
 
-    /* The voxel of each side, moved in by three of the sides' steps. */
+    /* The voxel of each side moved in by three of its steps: by arithmetic, never one further out.
+       A range ends before it begins where a box need not hold any. */
     BFRT_CLONES
     static void bfrt_eight_inside(const bfrt_sides *s, const float *step, const bfrt_eight *e,
                                   bfrt_voxels *v)
     {
         for (int k = 0; k < 6; k++) {
             double grow = s->grow[k], first = s->first[k], inverse = s->inverse[k];
-            double slack = grow < 0.0 ? s->slack[k] : -s->slack[k], last = s->last[k];
+            double slack = k < 3 ? s->slack[k] : -s->slack[k], last = s->last[k];
             double in = 3.0 * step[k];
             for (int i = 0; i < BFRT_BOXES; i++) {
                 double guess = (((e->side[k][i] + in) + grow) - first) * inverse + slack;
@@ -225,8 +228,8 @@ cdef extern from *:
     ctypedef struct Voxels "bfrt_voxels":
         int side[6][8]
 
-    bint voxels_by_arithmetic "bfrt_eight_voxels"(const Sides* s, const Eight* e,
-                                                  Voxels* v) noexcept nogil
+    bint voxels_unsure "bfrt_eight_voxels"(const Sides* s, const Eight* e,
+                                           Voxels* v) noexcept nogil
     void eight_inside "bfrt_eight_inside"(const Sides* s, const float* step, const Eight* e,
                                           Voxels* v) noexcept nogil
 
@@ -245,16 +248,18 @@ cdef extern from *:
 
 
 cdef inline bint eight_empty(const Eight* e, int i) noexcept nogil:
-    return e.side[0][i] > e.side[HIGH][i]
+    return (
+        e.side[0][i] > e.side[HIGH][i]
+        or e.side[1][i] > e.side[HIGH + 1][i]
+        or e.side[2][i] > e.side[HIGH + 2][i]
+    )
 
 
 cdef inline void eight_clear(Eight* e, int i) noexcept nogil:
     """Make one of them empty."""
-    cdef Eight none
     cdef int k
-    eight_end(&none, 0)
-    for k in range(6):
-        e.side[k][i] = none.side[k][i]
+    for k in range(3):
+        e.side[k][i], e.side[HIGH + k][i] = INFINITY, -INFINITY
 
 
 cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil:
@@ -266,7 +271,7 @@ cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil
 
 
 cdef inline void sides_of(const Grid* g, Sides* s) noexcept nogil:
-    """What `eight_voxels` has to know of a grid."""
+    """What `eight_voxels` and `eight_inside` have to know of a grid."""
     cdef int j, k
     for j in range(6):
         k = j % 3
@@ -281,7 +286,7 @@ cdef inline void eight_voxels(const Grid* g, const Sides* s, const Eight* e,
                               Voxels* v) noexcept nogil:
     """The voxels of each, as `box_range` says; of an empty one a range that nothing is in."""
     cdef int i, k
-    if voxels_by_arithmetic(s, e, v):
+    if voxels_unsure(s, e, v):
         for i in range(BOXES):
             if not eight_empty(e, i):
                 for k in range(6):

@@ -14,7 +14,7 @@ cdef extern from *:
 
     #if defined(__x86_64__) && defined(__GLIBC__) && defined(__has_attribute)
     #if __has_attribute(target_clones) && !defined(__SANITIZE_ADDRESS__)
-    #define BFRT_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+    #define BFRT_CLONES __attribute__((unused, target_clones("avx512f", "avx2", "default")))
     #endif
     #endif
     #ifndef BFRT_CLONES

@@ -9,14 +9,14 @@
 
 A box that is read back is never smaller than it was, and on each side by less than two steps
 larger. Sums are float32 wherever they are made, so that what was checked when a box was written is
-true when it is read. What has no point becomes something of no more than a step: who needs to know
-has the object itself.
+true when it is read. What has no point is coded as the parent turned inside out: that is empty too,
+but where the parent is one point. Who needs to know has the object itself.
 """
 
 from libc.stdint cimport uint8_t
 
 from bfrt.geometry.box cimport Box, above
-from bfrt.geometry.eight cimport BOXES, Eight, eight_empty, eight_end
+from bfrt.geometry.eight cimport BOXES, Eight, eight_empty
 
 cdef extern from *:
     """
@@ -28,9 +28,9 @@ cdef extern from *:
 
     enum { BFRT_CODES = 6 * BFRT_BOXES };
 
-    /* The sides of the first n boxes; the others are anything. */
+    /* The first n boxes. */
     BFRT_CLONES
-    static void bfrt_decode(const bfrt_coding *c, const uint8_t *code, int n, bfrt_eight *e)
+    static void bfrt_eight_decoded(const bfrt_coding *c, const uint8_t *code, int n, bfrt_eight *e)
     {
         uint8_t turned[6][BFRT_BOXES] = {{0}};
         for (int i = 0; i < n; i++)
@@ -41,6 +41,7 @@ cdef extern from *:
             for (int i = 0; i < BFRT_BOXES; i++)
                 e->side[k][i] = from + (float)turned[k][i] * step;
         }
+        bfrt_eight_end(e, n);
     }
 
     /* The codes of eight boxes; whether one is inside, for steps are all but rounded away. */
@@ -85,7 +86,8 @@ cdef extern from *:
         float from_ "from"[6]
         float step[6]
 
-    void decode "bfrt_decode"(const Coding* c, const uint8_t* code, int n, Eight* e) noexcept nogil
+    void eight_decoded "bfrt_eight_decoded"(const Coding* c, const uint8_t* code, int n,
+                                            Eight* e) noexcept nogil
     bint encode "bfrt_encode"(const Coding* c, const Eight* e, int (*code)[8]) noexcept nogil
     void coded_union "bfrt_coded_union"(const Coding* c, const uint8_t* code, int n,
                                         float* side) noexcept nogil
@@ -102,13 +104,6 @@ cdef inline void coding_in(const Box* parent, Coding* c) noexcept nogil:
         step = above((<double>parent.hi[k] - parent.lo[k]) / STEPS)
         c.from_[k], c.step[k] = parent.lo[k], step
         c.from_[3 + k], c.step[3 + k] = parent.hi[k], -step
-
-
-cdef inline void eight_decoded(const Coding* c, const uint8_t* code, int n,
-                               Eight* e) noexcept nogil:
-    """The first n boxes, BOXES or fewer."""
-    decode(c, code, n, e)
-    eight_end(e, n)
 
 
 cdef inline int outside(const Coding* c, int side, float x, int steps) noexcept nogil:

@@ -19,7 +19,7 @@ from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decod
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport Vec, vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
-from bfrt.phases.nearby cimport MOST_NEAR, Near, entries_within
+from bfrt.phases.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, Crossing, Ray
@@ -39,11 +39,11 @@ cdef extern from *:
 # The few rays that are near a block of objects: which regions each enters, where it is inside the
 # boxes, and of each object the rays that meet its box.
 cdef struct Few:
-    uint8_t which[MOST_NEAR]
-    double inv[MOST_NEAR][3]
-    double near[MOST_NEAR][BOXES]
-    double far[MOST_NEAR][BOXES]
-    uint8_t met[BOXES][MOST_NEAR]
+    uint8_t which[LANES]
+    double inv[LANES][3]
+    double near[LANES][BOXES]
+    double far[LANES][BOXES]
+    uint8_t met[BOXES][LANES]
     int count[BOXES]
 
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
@@ -67,11 +67,11 @@ cdef struct Search:
     Shape shape
     bint loaded
     int gathered
-    uint32_t rays_near[64]  # LANES rays that are gathered before they are tested together
-    double reach[64]        # of each its nearest hit so far
+    uint32_t rays_near[LANES]  # rays that enter the region, before they are tested together
+    double reach[LANES]        # of each its nearest hit so far
     Lanes lanes
     int pending
-    Meeting meetings[64]
+    Meeting meetings[LANES]
     Found* found           # all hits are wanted, or NULL: the nearest
     int64_t box_tests
     int64_t object_tests
@@ -195,18 +195,20 @@ cdef int meet_box(Search* s, Sweep w) except -1 nogil:
     return 0
 
 
-cdef int meet_near(void* context) except -1 nogil:
-    """Of the entries that were gathered, those that enter the object's region."""
+cdef int keep_entering(void* context) except -1 nogil:
+    """Keep the rays, of the entries that were gathered, that enter the object's region."""
     cdef Search* s = <Search*>context
     cdef Near* near = &s.near
-    cdef int j, n = 0
+    cdef int j
+    if s.gathered + near.n > LANES:
+        meet_box(s, <Sweep>s.sweep)
     for j in range(near.n):
         if entered_by(&s.entry, near.at[j][0], near.at[j][1], near.at[j][2]) >> near.face[j] & 1:
             fetch_ray(s, near.ray[j])
-            s.rays_near[n] = near.ray[j]
-            n += 1
-    s.gathered, near.n = n, 0
-    return meet_box(s, <Sweep>s.sweep)
+            s.rays_near[s.gathered] = near.ray[j]
+            s.gathered += 1
+    near.n = 0
+    return 0
 
 
 cdef inline void turn_to(Search* s, Sweep w, int place) noexcept nogil:
@@ -220,14 +222,15 @@ cdef int meet_many(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block, each against the rays in its voxels."""
     cdef Range region
     cdef int i
-    s.near.spill = meet_near
+    s.near.spill = keep_entering
     for i in range(n):
         if not eight_empty(&w.eight, i):
             turn_to(s, w, i)
             grown_at(&s.grown, i, &s.box)
             region, s.entry = range_at(&s.voxels, i), range_at(&s.least, i)
             entries_within(&region, v, &s.near)
-            meet_near(s)
+            keep_entering(s)
+            meet_box(s, w)
             if s.pending:
                 meet_pending(s, w)
     return 0
@@ -305,13 +308,13 @@ cdef inline void settle(Search* s, Sweep w, int n) noexcept nogil:
 
 
 cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
-    """The n objects of a block against the rays in their voxels: of most blocks there are none."""
+    """The n objects of a block against the rays in their voxels: half of the blocks have none."""
     cdef Box all
     cdef Range around
     if s.coded:
-        coded_union(&s.coding, w.codes, n, &all.lo[0])
+        coded_union(&s.coding, w.codes, n, <float*>&all)
     else:
-        eight_union(&w.eight, &all.lo[0])
+        eight_union(&w.eight, <float*>&all)
     if box_empty(&all):
         return 0
     around = rough_range(s.grid, &all)

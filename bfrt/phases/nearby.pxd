@@ -5,6 +5,7 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, box_empty
 from bfrt.geometry.grid cimport Grid, Range, rough_range
+from bfrt.geometry.lanes cimport LANES
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, CROWD, VoxelRays, block_of, brick_within, brick_word, covering_level, cube_word,
     entry_face, entry_ray, longest, lower_of, lowest_bit, occupied, upper_at, uppers_of,
@@ -12,20 +13,20 @@ from bfrt.phases.voxel_rays cimport (
 
 cdef enum:
     FEW = 12  # upper voxels a side of which the bricks are looked at one by one
-    MOST_NEAR = 64  # no more than wait for an object at once
 
 # Called with its context when there is no room for more entries, to make some.
 ctypedef int (*Spill)(void*) except -1 nogil
 
-# Entries of some voxels: of each where it is, by which face it came there, and its ray.
+# Entries of some voxels, no more than there are lanes: of each where it is, by which face it came
+# there, and its ray.
 cdef struct Near:
     Spill spill   # or NULL: no more are wanted than there is room for
     void* context
     int n
     bint more     # than that
-    int at[MOST_NEAR][3]
-    uint8_t face[MOST_NEAR]
-    uint32_t ray[MOST_NEAR]
+    int at[LANES][3]
+    uint8_t face[LANES]
+    uint32_t ray[LANES]
 
 
 cdef inline bint rays_near(const Box* b, const Grid* g, VoxelRays v) noexcept nogil:
@@ -64,10 +65,7 @@ cdef inline int entries_within(const Range* r, VoxelRays v, Near* near) except -
     for z in range(upper.lo[2] >> down, (upper.hi[2] >> down) + 1):
         for y in range(upper.lo[1] >> down, (upper.hi[1] >> down) + 1):
             for x in range(upper.lo[0] >> down, (upper.hi[0] >> down) + 1):
-                if level == 1:
-                    gather_brick(r, &upper, v, x, y, z, near)
-                else:
-                    gather_cube(r, &upper, v, level, x, y, z, near)
+                gather_cube(r, &upper, v, level, x, y, z, near)
                 if near.more:
                     return 0
     return 0
@@ -141,6 +139,8 @@ cdef inline int gather_upper(const Range* r, VoxelRays v, int x, int y, int z,
         lower = lower_of(v, v.entries[i])
         if word >> lower & 1:
             gather(v, i, i + 1, lower, x, y, z, near)
+            if near.more:
+                return 0
     return 0
 
 
@@ -150,7 +150,7 @@ cdef inline int gather(VoxelRays v, int64_t first, int64_t last, int lower, int 
     cdef int64_t i
     cdef int b = v.bits, mask = (1 << v.bits) - 1
     for i in range(first, last):
-        if near.n == MOST_NEAR:
+        if near.n == LANES:
             if near.spill == NULL:
                 near.more = True
                 return 0

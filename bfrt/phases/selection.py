@@ -12,15 +12,17 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._selection import Selection
 from bfrt.phases.subspace import Subspace
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.scene.objects import Choose, Objects
+from bfrt.scene.objects import FEWEST, Choose, Objects
 from bfrt.scene.store import Stream
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Phase
+from bfrt.workers import CHUNKS_EACH
 
 #: Bytes of a level's read buffer.
 LEVEL_BUFFER = 1 << 16
 
-#: Objects that a thread takes at once, about: where many rays are, few objects are much work.
+#: Objects that a thread takes at once, about, and at the most: where many rays are, few objects are
+#: much work.
 TOGETHER = 4096
 
 #: The boxes (n, 6) around the objects of ranges.
@@ -56,11 +58,12 @@ class Selections:
         """
         walk = self._walks[stream.number]
         walk.rewind()
+        objects = min(TOGETHER, max(FEWEST, stream.count // (len(self._ranges) * CHUNKS_EACH)))
 
         def choose(worker: int) -> NDArray[np.int64]:
             ranges: NDArray[np.int64] = self._ranges[worker]
             parents = self.parents[worker] if quantised else None
-            return ranges[: walk.select(lattice, where, ranges, TOGETHER, parents)]
+            return ranges[: walk.select(lattice, where, ranges, objects, parents)]
 
         return choose
 

@@ -16,11 +16,9 @@ from bfrt.scene.sweep import Sweep
 if TYPE_CHECKING:
     from bfrt.workers import Workers
 
-#: Called with a worker's number, its sweep, and the objects [first, last) in its window.
+#: Called with a worker's number, its sweep, and the objects, or ranges of them, [first, last) that
+#: are in its window.
 Loop = Callable[[int, Sweep, int, int], None]
-
-#: Called with a worker's number, its sweep, and which of the ranges [first, last) to do.
-SomeLoop = Callable[[int, Sweep, int, int], None]
 
 #: Called with a worker's number; returns ranges (n, 2) of objects, behind all that came before.
 Choose = Callable[[int], NDArray[np.int64]]
@@ -85,48 +83,47 @@ class Objects:
             sweep.rewind()
             sweep.expect(0.0)
 
-    def some(
-        self, stream: Stream, ranges: NDArray[np.int64], loop: SomeLoop, *, together: int
-    ) -> None:
+    def some(self, stream: Stream, ranges: NDArray[np.int64], loop: Loop, *, together: int) -> None:
         """Call `loop` for ranges (n, 2) of a stream's objects, ascending, and behind those that
         were swept since `begin`; for up to so many `together`."""
 
-        def chunk(worker: int, first: int, last: int) -> None:
-            loop(worker, self._sweep_at(stream, worker, ranges[first:last]), first, last)
+        sweeps = self._sweeps[stream.number]
 
-        self._workers.run(chunk, len(ranges), largest=together)
+        def chunk(worker: int, first: int, last: int) -> None:
+            sweeps[worker].window(int(ranges[first, 0]), int(ranges[last - 1, 1]))
+            loop(worker, sweeps[worker], first, last)
+
+        if len(ranges):
+            _expect(sweeps, stream, ranges)
+            self._workers.run(chunk, len(ranges), largest=together)
 
     def chosen(self, stream: Stream, choose: Choose, loop: ChosenLoop) -> int:
         """Have each worker choose ranges of a stream's objects and call `loop` for them, until
         there are none; returns how many objects they were.
 
-        They choose in turn, so that ranges ascend.
+        They choose in turn, so that ranges ascend; when one has failed, no other does.
         """
+        sweeps = self._sweeps[stream.number]
         turn = threading.Lock()
-        swept = 0
+        swept, over = 0, False
 
         def step(worker: int) -> bool:
-            nonlocal swept
+            nonlocal swept, over
             with turn:
+                if over:
+                    return False
+                over = True  # unless there is more, and no error
                 ranges = choose(worker)
-                swept += int((ranges[:, 1] - ranges[:, 0]).sum())
-            if len(ranges):
-                loop(worker, self._sweep_at(stream, worker, ranges), ranges)
-            return len(ranges) > 0
+                if not len(ranges):
+                    return False
+                swept += _expect(sweeps[worker : worker + 1], stream, ranges)
+                over = False
+            sweeps[worker].window(int(ranges[0, 0]), int(ranges[-1, 1]))
+            loop(worker, sweeps[worker], ranges)
+            return True
 
         self._workers.repeat(step)
         return swept
-
-    def _sweep_at(self, stream: Stream, worker: int, ranges: NDArray[np.int64]) -> Sweep:
-        """A worker's sweep, with those ranges of objects in its window."""
-        sweep = self._sweeps[stream.number][worker]
-        asked = int((ranges[:, 1] - ranges[:, 0]).sum())
-        apart = 0.0
-        if asked < LONELY * int(ranges[-1, 1] - ranges[0, 0]):
-            apart = float(np.median(np.diff(ranges[:, 0]))) / stream.count
-        sweep.expect(apart)
-        sweep.window(int(ranges[0, 0]), int(ranges[-1, 1]))
-        return sweep
 
     def counts(self) -> tuple[int, int]:
         """Bytes read and seeks since the last call."""
@@ -137,3 +134,14 @@ class Objects:
     def geometry_read(self) -> int:
         """Objects whose geometry was read since the last call."""
         return sum(sweep.counts() for sweeps in self._sweeps.values() for sweep in sweeps)
+
+
+def _expect(sweeps: list[Sweep], stream: Stream, ranges: NDArray[np.int64]) -> int:
+    """Have sweeps know how far apart those ranges are; returns how many objects they have."""
+    asked = int((ranges[:, 1] - ranges[:, 0]).sum())
+    apart = 0.0
+    if asked < LONELY * int(ranges[-1, 1] - ranges[0, 0]):
+        apart = float(np.median(np.diff(ranges[:, 0]))) / stream.count
+    for sweep in sweeps:
+        sweep.expect(apart)
+    return asked

@@ -134,8 +134,8 @@ cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
 
 
 cdef inline int advance_coded(Sweep s, int64_t most) except -1 nogil:
-    """The same with quantised boxes, for who needs them to decode: their outliers too are there
-    until `clear_outliers`."""
+    """The same with quantised boxes, left coded: the caller decodes them into `eight`, and calls
+    `clear_outliers` then."""
     cdef int n = advance_records(s, most)
     s.codes = take(s.quantised, CODE_BYTES * n)
     return n

@@ -101,6 +101,24 @@ def test_decoded_boxes_and_the_box_around_them(seed, count, scale):
     np.testing.assert_array_equal(around[3:], boxes[:count, 3:].max(axis=0))
 
 
+@given(st.integers(0, 2**32), st.integers(1, 8), st.integers(1, 300))
+def test_what_a_coded_region_holds_at_the_least(seed, count, voxels):
+    """Nothing that the box as it was does not hold."""
+    rng = np.random.default_rng(seed)
+    lattice = Lattice(
+        (-1.0, 0.0, 2.0), (3.0, 5.0, 3.0), (voxels, 7, 40), rng.choice([0.0, 2.0**-28])
+    )
+    ends = rng.choice([-1.0, 0.5, 2.0, 3.0, rng.uniform(-1, 5)], (2, 3))
+    parent = np.sort(ends, axis=0).reshape(-1).astype(np.float32)
+    corners = np.sort(rng.uniform(parent[:3], parent[3:], (2, count, 3)), axis=0)
+    boxes = np.concatenate(list(corners), axis=1).astype(np.float32)
+    boxes = np.clip(boxes, np.tile(parent[:3], 2), np.tile(parent[3:], 2))
+    least = _kernels.inside_of_eight(parent, boxes, lattice)
+    for box, inside in zip(boxes, least, strict=True):
+        first, last = lattice.range_of(box)
+        assert (inside[:3] >= first).all() and (inside[3:] <= last).all()
+
+
 triples = st.tuples(*[st.integers(0, 3)] * 3)
 rows_of_regions = st.lists(
     st.tuples(triples, triples, triples, triples, st.booleans()), min_size=1, max_size=8
