@@ -23,6 +23,11 @@ Step = Callable[[int], bool]
 CHUNKS_EACH = 8
 
 
+def chunk_of(count: int, threads: int, smallest: int, largest: int) -> int:
+    """How many of a count a worker takes at once."""
+    return max(smallest, min(largest, -(-count // (threads * CHUNKS_EACH))))
+
+
 class Workers:
     """`threads` workers. The loops they run release the GIL.
 
@@ -41,7 +46,7 @@ class Workers:
         BaseException
             The first that a task raised, an interrupt too; no new chunk is begun after it.
         """
-        chunk = max(smallest, min(largest, -(-count // (self.threads * CHUNKS_EACH))))
+        chunk = chunk_of(count, self.threads, smallest, largest)
         starts = itertools.count(0, chunk)
 
         def step(worker: int) -> bool:

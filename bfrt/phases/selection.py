@@ -16,7 +16,7 @@ from bfrt.scene.objects import FEWEST, Choose, Objects
 from bfrt.scene.store import Stream
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Phase
-from bfrt.workers import CHUNKS_EACH
+from bfrt.workers import chunk_of
 
 #: Bytes of a level's read buffer.
 LEVEL_BUFFER = 1 << 16
@@ -58,7 +58,7 @@ class Selections:
         """
         walk = self._walks[stream.number]
         walk.rewind()
-        objects = min(TOGETHER, max(FEWEST, stream.count // (len(self._ranges) * CHUNKS_EACH)))
+        objects = chunk_of(stream.count, len(self._ranges), FEWEST, TOGETHER)
 
         def choose(worker: int) -> NDArray[np.int64]:
             ranges: NDArray[np.int64] = self._ranges[worker]
