@@ -20,7 +20,7 @@ import numpy as np
 from bfrt.budget import Capacities, extra_bytes, image_bytes
 from bfrt.phases.eye import count_eye_rays
 from bfrt.phases.partition import partition_of, subspaces
-from bfrt.phases.preprocess import lattice_of
+from bfrt.phases.preprocess import lattice_of, layout_of
 from bfrt.phases.slabs import Slabs, cuts_of
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, Kind
@@ -93,18 +93,21 @@ def plan(
         "aovs": list(kept),
     }
     folder = scratch_folder(scratch, store.path)
-    grids = tuple(_grid_plan(store, group, held, fresh_marks, folder) for group in store.groups)
+    grids = tuple(
+        _grid_plan(store, group, held, refine, fresh_marks, folder) for group in store.groups
+    )
     return _Planner(store, held, grids, settings).plan()
 
 
 def _grid_plan(
-    store: Store, group: Group, held: Capacities, fresh: bool, scratch: Path
+    store: Store, group: Group, held: Capacities, refine: str, fresh: bool, scratch: Path
 ) -> GridPlan:
     cut = partition_of(group, held.limits)
     layered = lattice_of(store, group, cut.shape, cut.axis).layered
-    marks = None if fresh else open_marks(marks_path(store, group, scratch), store, cut.layout)
+    layout = layout_of(group, cut, refine == "sgb")
+    marks = None if fresh else open_marks(marks_path(store, group, scratch), store, layout)
     if marks is None:
-        layers, *rest = cut.layout.bricks
+        layers, *rest = layout.bricks
         most = np.full(layers, math.prod(rest), np.int64)
         slabs = len(cuts_of(most, held.limits.slab // BRICK_BYTES)) - 1
         bricks = cut.bricks
@@ -120,7 +123,7 @@ def _grid_plan(
         slabs=slabs,
         slabs_known=marks is not None or slabs == 1,
         marks_there=marks is not None,
-        marks_bytes=cut.layout.data_at + bricks * BRICK_BYTES,
+        marks_bytes=layout.data_at + bricks * BRICK_BYTES,
     )
 
 
@@ -278,8 +281,7 @@ class _Planner:
     def _preprocess(self) -> PhasePlan:
         """One pass over a group for each subspace.
 
-        With the hierarchy it leaves out what lies in others, and at best boxes above that too. A
-        single one takes no hierarchy.
+        With the hierarchy it leaves out what lies in others, and at best boxes above that too.
         """
         passes = objects = least = read = most = 0
         for group, grid, swept in zip(self._store.groups, self._grids, self._swept, strict=True):
@@ -287,13 +289,12 @@ class _Planner:
                 continue
             n = grid.subspaces
             passes += n
-            whole = swept.boxes + (swept.shapes if self._refine == "base" else 0)
-            top, levels = (swept.top, swept.levels) if n > 1 else (0, 0)
+            whole = swept.coded + (swept.shapes if self._refine == "base" else 0)
             near = 1 if self._refine == "sgb" else n
             objects += group.gridded * near
-            least += whole * near + levels + top * (n - 1)
-            read += whole * near + levels * n
-            most += (whole + swept.ends + levels) * n + grid.marks_bytes * (_copies(grid) - 1)
+            least += whole * near + swept.levels + swept.top * (n - 1)
+            read += whole * near + swept.levels * n
+            most += (whole + swept.ends + swept.levels) * n + grid.marks_bytes * (_copies(grid) - 1)
         reading = read / ASSUMED.read_rate
         marking = objects / (ASSUMED.mark_rate * self._held.threads)
         return PhasePlan(passes, least, read, most, reading + marking)

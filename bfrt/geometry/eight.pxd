@@ -14,7 +14,7 @@ from libc.math cimport INFINITY
 from libc.stdint cimport uint8_t
 
 from bfrt.geometry.box cimport Grown
-from bfrt.geometry.grid cimport HIGH, START, Grid, Range, located
+from bfrt.geometry.grid cimport HIGH, Grid, Range, located
 from bfrt.geometry.lanes cimport LANES  # and BFRT_CLONES
 
 cdef extern from *:
@@ -23,7 +23,7 @@ cdef extern from *:
     #include <stdint.h>
     #include <string.h>
 
-    enum { BFRT_BOXES = 8, BFRT_FACES = 7 };
+    enum { BFRT_BOXES = 8, BFRT_START = 6 };
 
     typedef struct {
         float side[6][BFRT_BOXES];
@@ -121,43 +121,20 @@ cdef extern from *:
         return differ;
     }
 
-    /* The voxel of each side moved in by three of its steps: by arithmetic, never one further out.
-       A range ends before it begins where a box need not hold any. */
+    /* Which of the eight regions a ray enters that comes into each of n voxels by a face, as bits:
+       its voxel is in them, and on that side of them. */
     BFRT_CLONES
-    static void bfrt_eight_inside(const bfrt_sides *s, const float *step, const bfrt_eight *e,
-                                  bfrt_voxels *v)
-    {
-        for (int k = 0; k < 6; k++) {
-            double grow = s->grow[k], first = s->first[k], inverse = s->inverse[k];
-            double slack = k < 3 ? s->slack[k] : -s->slack[k], last = s->last[k];
-            double in = 3.0 * step[k];
-            for (int i = 0; i < BFRT_BOXES; i++) {
-                double guess = (((e->side[k][i] + in) + grow) - first) * inverse + slack;
-                guess = guess > 0.0 ? guess : 0.0;
-                v->side[k][i] = (int)(guess < last ? guess : last);
-            }
-        }
-    }
-
-    /* For each face by which a ray comes into a voxel, the last place on its axis where it enters
-       a box so. High faces have all signs turned. */
-    typedef struct {
-        int last[BFRT_FACES][BFRT_BOXES];
-    } bfrt_entries;
-
-    /* Which of the eight a ray enters that comes into each of n voxels by a face, as bits. */
-    BFRT_CLONES
-    static void bfrt_entered(const bfrt_voxels *v, const bfrt_entries *e, int n,
-                             const int (*at)[3], const uint8_t *face, uint8_t *which)
+    static void bfrt_entered(const bfrt_voxels *v, int n, const int (*at)[3], const uint8_t *face,
+                             uint8_t *which)
     {
         for (int j = 0; j < n; j++) {
             int x = at[j][0], y = at[j][1], z = at[j][2], f = face[j];
-            int here = f < 3 ? at[j][f] : f < 6 ? -at[j][f - 3] : 0;
-            int bits = 0;
+            int began = f == BFRT_START, here = at[j][f % 3], bits = 0;
+            const int *side = v->side[began ? 0 : f];
             for (int i = 0; i < BFRT_BOXES; i++) {
                 int in = (v->side[0][i] <= x) & (x <= v->side[3][i]) & (v->side[1][i] <= y)
                     & (y <= v->side[4][i]) & (v->side[2][i] <= z) & (z <= v->side[5][i])
-                    & (here <= e->last[f][i]);
+                    & (began | (side[i] == here));
                 bits |= in << i;
             }
             which[j] = (uint8_t)bits;
@@ -230,14 +207,8 @@ cdef extern from *:
 
     bint voxels_unsure "bfrt_eight_voxels"(const Sides* s, const Eight* e,
                                            Voxels* v) noexcept nogil
-    void eight_inside "bfrt_eight_inside"(const Sides* s, const float* step, const Eight* e,
-                                          Voxels* v) noexcept nogil
-
-    ctypedef struct Entries "bfrt_entries":
-        int last[7][8]
-
-    void entered "bfrt_entered"(const Voxels* v, const Entries* e, int n, const int (*at)[3],
-                                const uint8_t* face, uint8_t* which) noexcept nogil
+    void entered "bfrt_entered"(const Voxels* v, int n, const int (*at)[3], const uint8_t* face,
+                                uint8_t* which) noexcept nogil
 
     ctypedef struct GrownEight "bfrt_grown_eight":
         double side[6][8]
@@ -271,7 +242,7 @@ cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil
 
 
 cdef inline void sides_of(const Grid* g, Sides* s) noexcept nogil:
-    """What `eight_voxels` and `eight_inside` have to know of a grid."""
+    """What `eight_voxels` has to know of a grid."""
     cdef int j, k
     for j in range(6):
         k = j % 3
@@ -301,14 +272,3 @@ cdef inline Range range_at(const Voxels* v, int i) noexcept nogil:
         r.lo[k] = v.side[k][i]
         r.hi[k] = v.side[HIGH + k][i]
     return r
-
-
-cdef inline void entries_of(const Voxels* least, Entries* e) noexcept nogil:
-    """Where rays enter regions that hold those voxels at the least: what `entered_by` says."""
-    cdef int i, k
-    for k in range(3):
-        for i in range(BOXES):
-            e.last[k][i] = least.side[k][i]
-            e.last[HIGH + k][i] = -least.side[HIGH + k][i]
-    for i in range(BOXES):
-        e.last[START][i] = 0

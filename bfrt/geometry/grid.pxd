@@ -309,12 +309,11 @@ cdef inline bint walk_leave(Walk* w, int shift) noexcept nogil:
 cdef inline int entered_by(const Range* r, int x, int y, int z) noexcept nogil:
     """The faces, as bits, by which a ray comes into the range at a voxel of it.
 
-    START always counts: the walk began inside. Where only the least that a range holds is known,
-    and voxels beyond that may be its own, the faces are those by which a ray may come in.
+    START always counts: the walk began inside.
     """
     return (
         1 << START
-        | (x <= r.lo[0]) << LOW | (x >= r.hi[0]) << HIGH
-        | (y <= r.lo[1]) << (LOW + 1) | (y >= r.hi[1]) << (HIGH + 1)
-        | (z <= r.lo[2]) << (LOW + 2) | (z >= r.hi[2]) << (HIGH + 2)
+        | (x == r.lo[0]) << LOW | (x == r.hi[0]) << HIGH
+        | (y == r.lo[1]) << (LOW + 1) | (y == r.hi[1]) << (HIGH + 1)
+        | (z == r.lo[2]) << (LOW + 2) | (z == r.hi[2]) << (HIGH + 2)
     )

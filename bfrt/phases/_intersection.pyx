@@ -9,13 +9,13 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
 from bfrt.geometry.eight cimport (
-    BOXES, Entries, GrownEight, Sides, Voxels, eight_empty, eight_grow, eight_inside, eight_span,
-    eight_union, eight_voxels, entered, entries_of, grown_at, range_at, sides_of,
+    BOXES, GrownEight, Sides, Voxels, eight_empty, eight_grow, eight_span, eight_union,
+    eight_voxels, entered, grown_at, range_at, sides_of,
 )
 from bfrt.geometry.grid cimport Grid, Range, entered_by, rough_range
 from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
+from bfrt.geometry.quantised cimport coded_union
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport Vec, vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
@@ -23,9 +23,7 @@ from bfrt.phases.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, Crossing, Ray
-from bfrt.scene.sweep cimport (
-    Sweep, advance_block, advance_coded, advance_coded_to, advance_to, clear_outliers, fetch,
-)
+from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, decode, fetch
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -54,16 +52,13 @@ cdef struct Search:
     void* sweep            # a Sweep
     GrownEight grown       # the boxes of the sweep's block
     Voxels voxels          # theirs
-    Voxels least           # what these hold at the least, where boxes are quantised; else the same
-    Coding coding
-    bint coded             # whether boxes are quantised
     Near near
     uint64_t id
     int place              # of the object in the block
     Grown box
     Grown own              # the object's own box, where the other is quantised
     bint degenerate        # and whether it has none
-    Range entry            # where rays enter its region: `least`, of the object
+    Range region           # the object's voxels
     Shape shape
     bint loaded
     int gathered
@@ -93,7 +88,7 @@ cdef int load(Search* s, Sweep w) except -1 nogil:
     cdef bint whole = shape_load(w.kind, record, w.count, &w.frame, &s.shape)
     cdef Box box
     s.loaded = True
-    if s.coded:
+    if w.coded:
         s.degenerate = not whole
         if whole:
             shape_bounds(&s.shape, &box)
@@ -124,7 +119,7 @@ cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
     cdef Ray* r
     if not s.loaded:
         load(s, w)
-    if s.coded:
+    if w.coded:
         meet_own_box(s)
     s.object_tests += s.pending
     if s.found != NULL:
@@ -203,7 +198,7 @@ cdef int keep_entering(void* context) except -1 nogil:
     if s.gathered + near.n > LANES:
         meet_box(s, <Sweep>s.sweep)
     for j in range(near.n):
-        if entered_by(&s.entry, near.at[j][0], near.at[j][1], near.at[j][2]) >> near.face[j] & 1:
+        if entered_by(&s.region, near.at[j][0], near.at[j][1], near.at[j][2]) >> near.face[j] & 1:
             fetch_ray(s, near.ray[j])
             s.rays_near[s.gathered] = near.ray[j]
             s.gathered += 1
@@ -220,15 +215,14 @@ cdef inline void turn_to(Search* s, Sweep w, int place) noexcept nogil:
 
 cdef int meet_many(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block, each against the rays in its voxels."""
-    cdef Range region
     cdef int i
     s.near.spill = keep_entering
     for i in range(n):
         if not eight_empty(&w.eight, i):
             turn_to(s, w, i)
             grown_at(&s.grown, i, &s.box)
-            region, s.entry = range_at(&s.voxels, i), range_at(&s.least, i)
-            entries_within(&region, v, &s.near)
+            s.region = range_at(&s.voxels, i)
+            entries_within(&s.region, v, &s.near)
             keep_entering(s)
             meet_box(s, w)
             if s.pending:
@@ -236,13 +230,10 @@ cdef int meet_many(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     return 0
 
 
-cdef int choose(Near* near, const Voxels* voxels, const Voxels* least,
-                uint8_t* which) noexcept nogil:
+cdef int choose(Near* near, const Voxels* voxels, uint8_t* which) noexcept nogil:
     """Keep the rays that enter any of the regions, and which; returns how many."""
-    cdef Entries entries
     cdef int j, n = 0
-    entries_of(least, &entries)
-    entered(voxels, &entries, near.n, near.at, &near.face[0], which)
+    entered(voxels, near.n, near.at, &near.face[0], which)
     for j in range(near.n):
         if which[j]:
             near.ray[n], which[n] = near.ray[j], which[j]
@@ -275,7 +266,7 @@ cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
     cdef Few few
     cdef Vec inv
     cdef int i, j, k, rays
-    rays = choose(&s.near, &s.voxels, &s.least, &few.which[0])
+    rays = choose(&s.near, &s.voxels, &few.which[0])
     for j in range(rays):
         fetch_ray(s, s.near.ray[j])
     test_boxes(s, n, rays, &few)
@@ -293,26 +284,12 @@ cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
     return 0
 
 
-cdef inline void settle(Search* s, Sweep w, int n) noexcept nogil:
-    """Work out the boxes of the block, and their voxels."""
-    if s.coded:
-        eight_decoded(&s.coding, w.codes, n, &w.eight)
-        clear_outliers(w)
-    eight_grow(&w.eight, s.grid.grow, &s.grown)
-    eight_voxels(s.grid, &s.sides, &w.eight, &s.voxels)
-    if s.coded:
-        # A side that was coded is off by less than two steps, and one for the rounding of sums.
-        eight_inside(&s.sides, &s.coding.step[0], &w.eight, &s.least)
-    else:
-        s.least = s.voxels
-
-
 cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block against the rays in their voxels: half of the blocks have none."""
     cdef Box all
     cdef Range around
-    if s.coded:
-        coded_union(&s.coding, w.codes, n, <float*>&all)
+    if w.coded:
+        coded_union(&w.coding, w.codes, n, <float*>&all)
     else:
         eight_union(&w.eight, <float*>&all)
     if box_empty(&all):
@@ -322,7 +299,9 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     entries_within(&around, v, &s.near)
     if s.near.n == 0:
         return 0
-    settle(s, w, n)
+    decode(w, n)
+    eight_grow(&w.eight, s.grid.grow, &s.grown)
+    eight_voxels(s.grid, &s.sides, &w.eight, &s.voxels)
     if s.near.more:
         return meet_many(s, w, v, n)
     return meet_few(s, w, n)
@@ -339,8 +318,7 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
         IN. First and end of runs of objects, ascending, in the sweep's window.
     parents : (n, 6) float32, optional
         IN. The box around the objects of each run, in which theirs are quantised: those are read
-        then. A ray that is stored in several voxels of a quantised box meets it there each time,
-        so that it is no way to find all hits.
+        then. The rays have to be stored by marks of those boxes.
     rays : (active,) records.RAY
         IN, OUT: t and id become those of the nearest hit. Threads share them.
     crossings : (room,) records.CROSSING, optional
@@ -354,6 +332,7 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
     """
     cdef Search s
     cdef Found found
+    cdef const Box* parent = NULL
     cdef int64_t k
     cdef int n
     s.found = NULL
@@ -367,20 +346,14 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
     s.sweep = <void*>sweep
     s.near.context = &s
     s.gathered = s.pending = 0
-    s.coded = parents is not None
     s.box_tests = s.object_tests = 0
     with nogil:
         for k in range(ranges.shape[0]):
-            if s.coded:
-                coding_in(<const Box*>&parents[k, 0], &s.coding)
-                advance_coded_to(sweep, ranges[k, 0])
-            else:
-                advance_to(sweep, ranges[k, 0])
+            if parents is not None:
+                parent = <const Box*>&parents[k, 0]
+            advance_to(sweep, ranges[k, 0], parent)
             while sweep.index < ranges[k, 1]:
-                if s.coded:
-                    n = advance_coded(sweep, ranges[k, 1] - sweep.index)
-                else:
-                    n = advance_block(sweep, ranges[k, 1] - sweep.index)
+                n = advance_block(sweep, ranges[k, 1] - sweep.index)
                 meet_block(&s, sweep, voxel_rays, n)
         if s.found != NULL:
             hand_over(s.found)

@@ -8,6 +8,7 @@ from bfrt.scene.sweep import Sweep
 def mark(
     sweep: Sweep,
     ranges: NDArray[np.int64],
+    parents: NDArray[np.float32] | None,
     lattice: Lattice,
     subspace: Subspace,
     marks: NDArray[np.uint8],

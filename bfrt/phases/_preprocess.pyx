@@ -2,11 +2,12 @@
 
 from libc.stdint cimport int64_t, uint8_t
 
+from bfrt.geometry.box cimport Box
 from bfrt.geometry.eight cimport Sides, Voxels, eight_empty, eight_voxels, range_at, sides_of
 from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, entered_by
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.subspace cimport Subspace
-from bfrt.scene.sweep cimport Sweep, advance_block, advance_to
+from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, decode
 from bfrt.streams.atomic cimport atomic_or
 
 
@@ -76,18 +77,22 @@ cdef void mark_range(const Grid* g, Subspace s, const Range* r, uint8_t* marks) 
         mark_face(g, s, r[0], axis, True, marks)
 
 
-def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace subspace,
-         uint8_t[:, :, ::1] marks):
+def mark(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents, Lattice lattice,
+         Subspace subspace, uint8_t[:, :, ::1] marks):
     """Mark where the regions of objects of a sweep begin, as far as that is in the subspace.
 
     Parameters
     ----------
     ranges : (n, 2) int64
         IN. First and end of runs of objects, ascending, in the sweep's window.
+    parents : (n, 6) float32, optional
+        IN. The box around the objects of each run, in which theirs are quantised: those are read
+        then, and their regions marked.
     marks : (layers, rows, row) uint8
         IN, OUT. The subspace's voxels. Threads may share it.
     """
     cdef Voxels voxels
+    cdef const Box* parent = NULL
     cdef Range region
     cdef Sides sides
     cdef int i, n
@@ -95,9 +100,12 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, Lattice lattice, Subspace su
     sides_of(&lattice.grid, &sides)
     with nogil:
         for k in range(ranges.shape[0]):
-            advance_to(sweep, ranges[k, 0])
+            if parents is not None:
+                parent = <const Box*>&parents[k, 0]
+            advance_to(sweep, ranges[k, 0], parent)
             while sweep.index < ranges[k, 1]:
                 n = advance_block(sweep, ranges[k, 1] - sweep.index)
+                decode(sweep, n)
                 eight_voxels(&lattice.grid, &sides, &sweep.eight, &voxels)
                 for i in range(n):
                     if not eight_empty(&sweep.eight, i):

@@ -48,8 +48,7 @@ def intersect_all(
     if selections is None:
         swept = boxes = sweep_all(objects, meet)
     else:
-        nearest = flight.crossings is None
-        swept = sweep_near(objects, selections, flight.lattice, voxel_rays, meet, quantised=nearest)
+        swept = sweep_near(objects, selections, flight.lattice, voxel_rays, meet)
         boxes = swept + selections.count(phase)
     counters.sweep(boxes, objects)
     phase.swept(objects)

@@ -19,7 +19,7 @@ import numpy as np
 from bfrt.errors import BudgetError
 from bfrt.records import VOXEL_BITS
 from bfrt.scene.extent import Bounds
-from bfrt.scene.marks import BRICK, BRICK_BYTES, Layout, Shape, bricks_of
+from bfrt.scene.marks import BRICK, BRICK_BYTES, Shape, bricks_of
 from bfrt.scene.store import Group
 
 #: Voxels for each object of the grid. One is the rule's; two measured better, with entry marks,
@@ -73,11 +73,6 @@ class Partition(NamedTuple):
     shape: Shape
     axis: int
     lower_bits: int
-
-    @property
-    def layout(self) -> Layout:
-        """The grid as its marks have it."""
-        return Layout(self.shape, self.axis)
 
     @property
     def voxels(self) -> int:

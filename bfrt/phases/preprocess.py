@@ -26,6 +26,7 @@ from bfrt.phases.subspace import Subspace
 from bfrt.scene.marks import (
     BRICK,
     BRICK_BYTES,
+    Layout,
     Marks,
     MarksWriter,
     Shape,
@@ -65,6 +66,11 @@ def lattice_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Latti
     return Lattice(lo - thick - room, hi + thick + room, shape, growth(store), axis)
 
 
+def layout_of(group: Group, partition: Partition, hierarchy: bool) -> Layout:
+    """What the marks of a group's grid are of: with the hierarchy, of quantised boxes."""
+    return Layout(partition.shape, partition.axis, group.quantised_checksum if hierarchy else 0)
+
+
 def preprocess(
     store: Store,
     objects: Objects,
@@ -82,7 +88,8 @@ def preprocess(
     Parameters
     ----------
     selections : Selections, optional
-        Without, every subspace takes a pass over all objects.
+        Without, every subspace takes a pass over all objects, and marks are of their boxes as they
+        are, whatever quantised ones there are.
     subspace : int
         Voxels that are marked at a time, at the most.
 
@@ -92,11 +99,12 @@ def preprocess(
     reused : bool
     """
     path = marks_path(store, objects.group, scratch)
-    found = None if fresh else open_marks(path, store, partition.layout)
+    layout = layout_of(objects.group, partition, selections is not None)
+    found = None if fresh else open_marks(path, store, layout)
     if found is not None:
         return found, True
     marking = Marking(objects, selections, lattice, scratch, counters)
-    with writing_marks(path, store, partition.layout) as writer:
+    with writing_marks(path, store, layout) as writer:
         marking.mark_all(subspace, writer)
     counters.phases.preprocess.bytes_written += writer.bytes
     return writer.marks, False
@@ -125,28 +133,25 @@ class Marking:
         for _, row in itertools.groupby(parts, lambda part: part[0][0]):
             row_parts = list(row)
             if len(row_parts) == 1:
-                for bricks, occupied in layers_of(self._marked(*row_parts[0], len(parts) > 1)):
+                for bricks, occupied in layers_of(self._marked(*row_parts[0])):
                     writer.add(bricks, occupied)
             else:
                 self._merge(row_parts, writer)
 
-    def _marked(self, begin: Shape, end: Shape, partial: bool) -> Bytes:
+    def _marked(self, begin: Shape, end: Shape) -> Bytes:
         """The marks of a subspace: one pass over the objects."""
         a, b, c = (e - b for b, e in zip(begin, end, strict=True))
         marks = np.zeros((a, b, c), np.uint8)
         subspace = Subspace(self._lattice, begin, end)
         phase = self._counters.phases.preprocess
 
-        def loop(sweep: Sweep, ranges: NDArray[np.int64], _: Parents | None) -> None:
-            mark(sweep, ranges, self._lattice, subspace, marks)
+        def loop(sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
+            mark(sweep, ranges, parents, self._lattice, subspace, marks)
 
-        if self._selections is None or not partial:
+        if self._selections is None:
             boxes = sweep_all(self._objects, loop)
         else:
-            # Marks are of the boxes as they are.
-            boxes = sweep_near(
-                self._objects, self._selections, self._lattice, subspace, loop, quantised=False
-            )
+            boxes = sweep_near(self._objects, self._selections, self._lattice, subspace, loop)
             boxes += self._selections.count(phase)
         self._counters.sweep(boxes, self._objects)
         phase.swept(self._objects)
@@ -160,7 +165,7 @@ class Marking:
             tables = []
             for (begin, end), spool in zip(parts, spools, strict=True):
                 occupied = []
-                for bricks, layer in layers_of(self._marked(begin, end, True)):
+                for bricks, layer in layers_of(self._marked(begin, end)):
                     spool.append(bricks.view(BRICK_RECORD).reshape(-1))
                     occupied.append(layer)
                 tables.append(np.stack(occupied))

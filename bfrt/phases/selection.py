@@ -50,11 +50,11 @@ class Selections:
         self.parents = np.empty((threads, TOGETHER, 6), np.float32)
         self._walks = {s.number: Selection(s, LEVEL_BUFFER) for s in streams if s.levels}
 
-    def begin(self, stream: Stream, lattice: Lattice, where: Where, quantised: bool) -> Choose:
+    def begin(self, stream: Stream, lattice: Lattice, where: Where) -> Choose:
         """Begin a stream's walk to the objects near `where`, which workers take in turns.
 
         The ranges that a worker chooses are the same memory each time, and so are their `parents`,
-        which there are where boxes are `quantised`.
+        which there are where boxes are quantised.
         """
         walk = self._walks[stream.number]
         walk.rewind()
@@ -62,7 +62,7 @@ class Selections:
 
         def choose(worker: int) -> NDArray[np.int64]:
             ranges: NDArray[np.int64] = self._ranges[worker]
-            parents = self.parents[worker] if quantised else None
+            parents = self.parents[worker] if stream.quantised else None
             return ranges[: walk.select(lattice, where, ranges, objects, parents)]
 
         return choose
@@ -90,20 +90,18 @@ def sweep_near(
     lattice: Lattice,
     where: Where,
     loop: Loop,
-    *,
-    quantised: bool,
 ) -> int:
-    """One pass over the objects near `where`, by their quantised boxes if there are any and that
-    will do; returns how many they are."""
+    """One pass over the objects near `where`, by their quantised boxes if there are any; returns
+    how many they are."""
     swept = 0
     for stream in objects.group.streams:
         if not stream.levels:  # there are no objects
             continue
-        coded = quantised and stream.quantised
+        coded = stream.quantised
 
         def meet(worker: int, sweep: Sweep, ranges: NDArray[np.int64], coded: bool = coded) -> None:
             loop(sweep, ranges, selections.parents[worker, : len(ranges)] if coded else None)
 
         objects.begin(stream)
-        swept += objects.chosen(stream, selections.begin(stream, lattice, where, coded), meet)
+        swept += objects.chosen(stream, selections.begin(stream, lattice, where), meet)
     return swept

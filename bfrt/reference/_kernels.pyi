@@ -24,14 +24,8 @@ def voxels_of_eight(
 def decoded_eight(
     parent: NDArray[np.float32], codes: NDArray[np.uint8]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
-def inside_of_eight(
-    parent: NDArray[np.float32], boxes: NDArray[np.float32], lattice: Lattice
-) -> NDArray[np.int32]: ...
 def entered_of_eight(
-    regions: NDArray[np.int32],
-    least: NDArray[np.int32],
-    voxels: NDArray[np.int32],
-    faces: NDArray[np.uint8],
+    regions: NDArray[np.int32], voxels: NDArray[np.int32], faces: NDArray[np.uint8]
 ) -> NDArray[np.uint8]: ...
 def sphere_boxes(
     records: NDArray[np.uint8], wide: bool, origin: Sequence[float]

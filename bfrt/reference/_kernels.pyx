@@ -8,12 +8,12 @@ import numpy as np
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.eight cimport (
-    Eight, Entries, GrownEight, Sides, Voxels, eight_grow, eight_inside, eight_of, eight_span,
-    eight_union, eight_voxels, entered, entries_of, sides_of,
+    Eight, GrownEight, Sides, Voxels, eight_grow, eight_of, eight_span, eight_union, eight_voxels,
+    entered, sides_of,
 )
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.power cimport power as core_power
-from bfrt.geometry.quantised cimport Coding, coded_union, codes_of, coding_in, eight_decoded
+from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.shape cimport (
     Meeting, Shape, Surface, shape_bounds, shape_load, shape_meet, shape_surface,
 )
@@ -155,45 +155,14 @@ def decoded_eight(const float[::1] parent, const uint8_t[:, ::1] codes):
     return np.asarray(out).T, np.asarray(around)
 
 
-def inside_of_eight(const float[::1] parent, const float[:, ::1] boxes, Lattice lattice):
-    """What regions hold at the least, as far as their quantised boxes tell.
-
-    Parameters
-    ----------
-    parent : (6,) float32
-        In which the boxes are quantised, and read back.
-    boxes : (m, 6) float32
-        Up to eight.
-    lattice : Lattice
-
-    Returns
-    -------
-    (m, 6) int32
-        From and to.
-    """
-    cdef int[:, ::1] out = np.empty((6, 8), np.int32)
-    cdef uint8_t[:, ::1] codes = np.empty((8, 6), np.uint8)
-    cdef Coding coding
-    cdef Eight eight
-    cdef Sides sides
-    cdef int n = <int>boxes.shape[0]
-    coding_in(<const Box*>&parent[0], &coding)
-    eight_of(&boxes[0, 0], n, &eight)
-    codes_of(&coding, &eight, n, &codes[0, 0])
-    eight_decoded(&coding, &codes[0, 0], n, &eight)
-    sides_of(&lattice.grid, &sides)
-    eight_inside(&sides, &coding.step[0], &eight, <Voxels*>&out[0, 0])
-    return np.asarray(out).T[:n]
-
-
-def entered_of_eight(const int[:, ::1] regions, const int[:, ::1] least,
-                     const int[:, ::1] voxels, const uint8_t[::1] faces):
+def entered_of_eight(const int[:, ::1] regions, const int[:, ::1] voxels,
+                     const uint8_t[::1] faces):
     """Which of eight regions a ray enters that comes into a voxel by a face.
 
     Parameters
     ----------
-    regions, least : (6, 8) int32
-        Their voxels, from and to; and what they hold at the least.
+    regions : (6, 8) int32
+        Their voxels, from and to.
     voxels : (n, 3) int32
     faces : (n,) uint8
 
@@ -203,11 +172,9 @@ def entered_of_eight(const int[:, ::1] regions, const int[:, ::1] least,
         A bit each.
     """
     cdef uint8_t[::1] out = np.empty(voxels.shape[0], np.uint8)
-    cdef Entries entries
-    entries_of(<const Voxels*>&least[0, 0], &entries)
     entered(
-        <const Voxels*>&regions[0, 0], &entries, <int>voxels.shape[0],
-        <const int (*)[3]>&voxels[0, 0], &faces[0], &out[0],
+        <const Voxels*>&regions[0, 0], <int>voxels.shape[0], <const int (*)[3]>&voxels[0, 0],
+        &faces[0], &out[0],
     )
     return np.asarray(out)
 

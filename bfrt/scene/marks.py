@@ -10,9 +10,10 @@ bricks of a layer lie together, so that a slab, some layers, is one read::
         24      4      the axis across the layers: 0, 1, 2
         28      4      checksum of the store's header
         32      8      bricks that are kept
-        40      4      CRC-32 of the tables
-        44      4      CRC-32 of these 44 bytes
-        48      4 L    the CRC-32 of each layer's bricks
+        40      4      of which boxes they are: 0, or a checksum of quantised ones
+        44      4      CRC-32 of the tables
+        48      4      CRC-32 of these 48 bytes
+        52      4 L    the CRC-32 of each layer's bricks
        ...      B / 8  a bit for each brick, the first in the highest: whether it is kept
        ...      512 a brick: one byte a voxel
 
@@ -41,8 +42,8 @@ from bfrt.scene.store import Group, Store
 from bfrt.streams.aside import aside, put, refused
 
 MAGIC = b"bfrtmark"
-VERSION = 2
-HEADER = struct.Struct("<8sI3IIIQI")
+VERSION = 3
+HEADER = struct.Struct("<8sI3IIIQII")
 CRC = struct.Struct("<I")
 
 #: Voxels a side of a brick, and bytes of one.
@@ -60,7 +61,7 @@ def bricks_of(layered: Shape) -> Shape:
 
 
 class Layout(NamedTuple):
-    """The grid that marks are of.
+    """What marks are of.
 
     Attributes
     ----------
@@ -68,10 +69,13 @@ class Layout(NamedTuple):
         Voxels an axis: x, y, z.
     axis : int
         The one across the layers.
+    boxes: int
+        0 for the objects' boxes as they are; else `Group.quantised_checksum`.
     """
 
     shape: Shape
     axis: int
+    boxes: int = 0
 
     @property
     def bricks(self) -> Shape:
@@ -189,15 +193,16 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
         kept = int(writer.occupied.sum())
         tables = writer.crcs.astype("<u4").tobytes() + np.packbits(writer.occupied).tobytes()
         header = HEADER.pack(
-            MAGIC, VERSION, *layout.shape, layout.axis, store.checksum, kept, zlib.crc32(tables)
-        )
+            MAGIC, VERSION, *layout.shape, layout.axis, store.checksum, kept, layout.boxes,
+            zlib.crc32(tables),
+        )  # fmt: skip
         file.seek(0)
         put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
         writer.marks = Marks(path, layout, writer.occupied, writer.crcs, temporary)
 
 
 def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
-    """The marks of a grid of this layout, if there are any.
+    """The marks of this layout, if there are any.
 
     Raises
     ------
@@ -239,12 +244,12 @@ def _read_tables(
             check = file.read(CRC.size)
             if len(check) < CRC.size or header[: len(MAGIC)] != MAGIC:
                 raise _damaged(path)
-            _, version, x, y, z, axis, checksum, kept, tables_crc = HEADER.unpack(header)
+            _, version, x, y, z, axis, checksum, kept, boxes, tables_crc = HEADER.unpack(header)
             if version != VERSION and only == VERSION:
                 return None
             if version != VERSION or CRC.unpack(check)[0] != zlib.crc32(header):
                 raise _damaged(path)
-            layout = Layout((x, y, z), axis)
+            layout = Layout((x, y, z), axis, boxes)
             if axis > 2 or 0 in layout.shape or size != layout.data_at + kept * BRICK_BYTES:
                 raise _damaged(path)
             tables = file.read(layout.data_at - file.tell())

@@ -123,6 +123,16 @@ class Group:
         """Objects in the grid."""
         return sum(s.count - s.degenerate for s in self.streams) - len(self.outliers)
 
+    @property
+    def quantised_checksum(self) -> int:
+        """Of quantised boxes, and of those that they lie in; 0 where there are none."""
+        crc = 0
+        for stream in self.streams:
+            if stream.quantised:
+                for name in ("level1", "quantised"):
+                    crc = zlib.crc32(stream.files[name].crc32.to_bytes(4, "little"), crc)
+        return crc
+
 
 @dataclass(frozen=True)
 class Store:

@@ -3,8 +3,10 @@
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t
 from libc.string cimport memcpy
 
+from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.eight cimport BOXES, Eight, eight_clear, eight_of
+from bfrt.geometry.quantised cimport Coding, coding_in, eight_decoded
 from bfrt.geometry.sphere cimport sphere_boxes
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, skip, take
@@ -32,13 +34,16 @@ cdef class Sweep:
     cdef const int64_t[::1] outliers
     cdef Py_ssize_t outlier
     cdef readonly int64_t geometry_read  # objects whose geometry was read
+    # The range of objects that `advance_to` came to:
+    cdef bint coded        # whether their boxes are read quantised
+    cdef Coding coding     # and how
     # The block that `advance_block` came to:
     cdef int64_t first     # its first object
     cdef uint32_t ends[BOXES + 1]  # polygons: where each begins, in vertices, and the last ends
     cdef const unsigned char* record  # their records, where they lie together, or NULL
     cdef uint32_t count    # vertices of the polygon that `fetch` gave
-    cdef Eight eight       # their boxes
-    cdef const uint8_t* codes  # or what these are coded as, after `advance_coded`
+    cdef Eight eight       # their boxes, once `decode` was called
+    cdef const uint8_t* codes  # what these are coded as
 
     cpdef int window(self, int64_t first, int64_t last) except -1
     cdef int64_t end_of(self, int64_t index) except -1
@@ -46,28 +51,22 @@ cdef class Sweep:
     cdef int refuse(self, int64_t vertex) except -1 nogil
 
 
-cdef inline int advance_to(Sweep s, int64_t index) except -1 nogil:
-    """Go forward to an object of the window; what lies between is skipped."""
+cdef inline int advance_to(Sweep s, int64_t index, const Box* parent) except -1 nogil:
+    """Go forward to an object of the window; what lies between is skipped.
+
+    From there on boxes are read quantised, in the parent's, or as they are if that is NULL: all
+    the way through a window in the same way.
+    """
     cdef int64_t n = index - s.index
-    skip_records(s, n)
-    if n > 0 and s.boxes is not None:
-        skip(s.boxes, n * BOX_BYTES)
-    return 0
-
-
-cdef inline int advance_coded_to(Sweep s, int64_t index) except -1 nogil:
-    """The same on the way by quantised boxes."""
-    cdef int64_t n = index - s.index
-    skip_records(s, n)
-    if n > 0:
-        skip(s.quantised, n * CODE_BYTES)
-    return 0
-
-
-cdef inline int skip_records(Sweep s, int64_t n) except -1 nogil:
-    """Leave out n objects' records, and their ends, but not their boxes."""
+    s.coded = parent != NULL
+    if s.coded:
+        coding_in(parent, &s.coding)
     if n <= 0:
         return 0
+    if s.coded:
+        skip(s.quantised, n * CODE_BYTES)
+    elif s.boxes is not None:
+        skip(s.boxes, n * BOX_BYTES)
     if s.kind == POLYGON:
         skip(s.offsets, (n - 1) * OFFSET_BYTES)
         s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
@@ -123,8 +122,14 @@ cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
 
 
 cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
-    """Come to the next objects, up to `most` and BOXES: records and boxes; returns n >= 1."""
+    """Come to the next objects, up to `most` and BOXES: records and boxes; returns n >= 1.
+
+    Quantised boxes stay as they are coded until `decode` is called.
+    """
     cdef int n = advance_records(s, most)
+    if s.coded:
+        s.codes = take(s.quantised, CODE_BYTES * n)
+        return n
     if s.boxes is not None:
         eight_of(<const float*>take(s.boxes, BOX_BYTES * n), n, &s.eight)
     else:
@@ -133,12 +138,11 @@ cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
     return n
 
 
-cdef inline int advance_coded(Sweep s, int64_t most) except -1 nogil:
-    """The same with quantised boxes, left coded: the caller decodes them into `eight`, and calls
-    `clear_outliers` then."""
-    cdef int n = advance_records(s, most)
-    s.codes = take(s.quantised, CODE_BYTES * n)
-    return n
+cdef inline void decode(Sweep s, int n) noexcept nogil:
+    """Have the boxes of the block's n objects in `eight`."""
+    if s.coded:
+        eight_decoded(&s.coding, s.codes, n, &s.eight)
+        clear_outliers(s)
 
 
 cdef inline void clear_outliers(Sweep s) noexcept nogil:
@@ -151,6 +155,7 @@ cdef inline void clear_outliers(Sweep s) noexcept nogil:
 
 cdef inline int advance(Sweep s) except -1 nogil:
     """Come to the next object, and its record."""
+    advance_to(s, s.index, NULL)
     advance_block(s, 1)
     s.record = fetch(s, 0)
     return 0
