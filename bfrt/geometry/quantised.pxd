@@ -14,6 +14,7 @@ but where the parent is one point. Who needs to know has the object itself.
 """
 
 from libc.stdint cimport uint8_t
+from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, above
 from bfrt.geometry.eight cimport BOXES, Eight, eight_empty
@@ -44,26 +45,36 @@ cdef extern from *:
         bfrt_eight_end(e, n);
     }
 
-    /* The codes of eight boxes; whether one is inside, for steps are all but rounded away. */
+    /* The codes of eight boxes; whether any needs another look: one is empty, or inside, for steps
+       are all but rounded away. One loop over all sides, for what is nested is not vectorized. */
     BFRT_CLONES
-    static int bfrt_encode(const bfrt_coding *c, const bfrt_eight *e, int code[6][BFRT_BOXES])
+    static int bfrt_encode(const bfrt_coding *c, const bfrt_eight *e, uint8_t *code)
     {
-        int off = 0;
-        for (int k = 0; k < 6; k++) {
-            float from = c->from[k], step = c->step[k];
-            float in = copysignf(1.0f, step);
+        int32_t steps[BFRT_CODES];
+        float from[BFRT_CODES], step[BFRT_CODES], in[BFRT_CODES];
+        const float *side = &e->side[0][0];
+        int look = 0;
+        for (int k = 0; k < 6; k++)
             for (int i = 0; i < BFRT_BOXES; i++) {
-                float x = e->side[k][i];
-                float guess = (x - from) / step;
-                guess = guess > 0.0f ? guess : 0.0f;
-                int steps = (int)(guess < 255.0f ? guess : 255.0f);
-                steps -= (from + (float)steps * step - x) * in > 0.0f;
-                steps = steps < 0 ? 0 : steps;
-                off |= (from + (float)steps * step - x) * in > 0.0f;
-                code[k][i] = steps;
+                from[BFRT_BOXES * k + i] = c->from[k];
+                step[BFRT_BOXES * k + i] = c->step[k];
+                in[BFRT_BOXES * k + i] = k < 3 ? 1.0f : -1.0f;
             }
+        for (int j = 0; j < BFRT_CODES; j++) {
+            float guess = (side[j] - from[j]) / step[j];
+            guess = guess > 0.0f ? guess : 0.0f;
+            int n = (int)(guess < 255.0f ? guess : 255.0f);
+            n -= (from[j] + (float)n * step[j] - side[j]) * in[j] > 0.0f;
+            n = n < 0 ? 0 : n;
+            look |= (from[j] + (float)n * step[j] - side[j]) * in[j] > 0.0f;
+            steps[j] = n;
         }
-        return off;
+        for (int j = 0; j < BFRT_CODES / 2; j++)
+            look |= side[j] > side[BFRT_CODES / 2 + j];
+        for (int i = 0; i < BFRT_BOXES; i++)
+            for (int k = 0; k < 6; k++)
+                code[6 * i + k] = (uint8_t)steps[BFRT_BOXES * k + i];
+        return look;
     }
 
     /* The box around the first n boxes: fewer steps are further out. */
@@ -88,7 +99,7 @@ cdef extern from *:
 
     void eight_decoded "bfrt_eight_decoded"(const Coding* c, const uint8_t* code, int n,
                                             Eight* e) noexcept nogil
-    bint encode "bfrt_encode"(const Coding* c, const Eight* e, int (*code)[8]) noexcept nogil
+    bint encode "bfrt_encode"(const Coding* c, const Eight* e, uint8_t* code) noexcept nogil
     void coded_union "bfrt_coded_union"(const Coding* c, const uint8_t* code, int n,
                                         float* side) noexcept nogil
 
@@ -116,13 +127,13 @@ cdef inline int outside(const Coding* c, int side, float x, int steps) noexcept 
 
 cdef inline void codes_of(const Coding* c, const Eight* e, int n, uint8_t* code) noexcept nogil:
     """Code the first n boxes of the parent's, BOXES or fewer."""
-    cdef int steps[6][BOXES]
+    cdef uint8_t own[6 * BOXES]
     cdef int i, k
-    cdef bint off = encode(c, e, steps)
-    for i in range(n):
-        for k in range(6):
-            if eight_empty(e, i):
-                steps[k][i] = STEPS
-            elif off:
-                steps[k][i] = outside(c, k, e.side[k][i], steps[k][i])
-            code[6 * i + k] = <uint8_t>steps[k][i]
+    if encode(c, e, own):
+        for i in range(n):
+            for k in range(6):
+                if eight_empty(e, i):
+                    own[6 * i + k] = STEPS
+                else:
+                    own[6 * i + k] = <uint8_t>outside(c, k, e.side[k][i], own[6 * i + k])
+    memcpy(code, own, 6 * n)
