@@ -23,11 +23,17 @@ cdef extern from *:
     #include <stdint.h>
     #include <string.h>
 
-    enum { BFRT_BOXES = 8, BFRT_START = 6 };
+    enum { BFRT_BOXES = 8, BFRT_SIDES = 6 * BFRT_BOXES, BFRT_START = 6 };
 
     typedef struct {
         float side[6][BFRT_BOXES];
     } bfrt_eight;
+
+    static inline int bfrt_eight_empty(const bfrt_eight *e, int i)
+    {
+        return e->side[0][i] > e->side[3][i] || e->side[1][i] > e->side[4][i]
+            || e->side[2][i] > e->side[5][i];
+    }
 
     /* From so many on they are empty. */
     static inline void bfrt_eight_end(bfrt_eight *e, int n)
@@ -65,61 +71,62 @@ cdef extern from *:
     BFRT_CLONES
     static void bfrt_eight_below(const double *x, float *below)
     {
-        enum { N = 6 * BFRT_BOXES };
-        int32_t bits[N], off[N];
-        for (int j = 0; j < N; j++) {
+        int32_t bits[BFRT_SIDES], off[BFRT_SIDES];
+        for (int j = 0; j < BFRT_SIDES; j++) {
             float f = below[j] = (float)x[j];
             off[j] = f == 0.0f ? (x[j] < 0.0 ? INT32_MIN : 0) : (double)f > x[j];
         }
         memcpy(bits, below, sizeof bits);
-        for (int j = 0; j < N; j++) {
+        for (int j = 0; j < BFRT_SIDES; j++) {
             int32_t away = 2 * (bits[j] < 0) - 1; /* to the number below: in bits, off from zero */
             bits[j] = off[j] == INT32_MIN ? INT32_MIN + 1 : bits[j] + off[j] * away;
         }
         memcpy(below, bits, sizeof bits);
     }
 
-    /* Of a grid, for each of a box's sides. */
+    /* Of a grid, for each side of the eight boxes. */
     typedef struct {
-        double grow[6];     /* twice d, outwards */
-        double first[6];    /* the first plane */
-        double inverse[6];
-        double slack[6];
-        double last[6];     /* the last voxel */
+        double grow[BFRT_SIDES];     /* twice d, outwards */
+        double first[BFRT_SIDES];    /* the first plane */
+        double inverse[BFRT_SIDES];
+        double slack[BFRT_SIDES];
+        double last[BFRT_SIDES];     /* the last voxel */
     } bfrt_sides;
 
     typedef struct {
         int side[6][BFRT_BOXES];
     } bfrt_voxels;
 
-    /* The voxel of each side; whether arithmetic may differ from the table for one. */
+    /* The voxel of each side; whether arithmetic may differ from the table for one. All sides are
+       one loop, for gcc leaves nested ones as they are. */
     BFRT_CLONES
     static int bfrt_eight_voxels(const bfrt_sides *s, const bfrt_eight *e, bfrt_voxels *v)
     {
-        int differ = 0;
-        for (int k = 0; k < 6; k++) {
-            double grow = s->grow[k], first = s->first[k], inverse = s->inverse[k];
-            double slack = s->slack[k], last = s->last[k];
-            for (int i = 0; i < BFRT_BOXES; i++) {
-                double guess = ((e->side[k][i] + grow) - first) * inverse;
-                double low = guess - slack, high = guess + slack;
-                low = low > 0.0 ? low : 0.0;
-                low = low < last ? low : last;
-                high = high > 0.0 ? high : 0.0;
-                high = high < last ? high : last;
-                v->side[k][i] = (int)low;
-                differ |= (int)low ^ (int)high;
-            }
+        const float *side = &e->side[0][0];
+        int *voxel = &v->side[0][0];
+        int differ = 0, empty = 0;
+        for (int j = 0; j < BFRT_SIDES; j++) {
+            double guess = ((side[j] + s->grow[j]) - s->first[j]) * s->inverse[j];
+            double low = guess - s->slack[j], high = guess + s->slack[j];
+            low = low > 0.0 ? low : 0.0;
+            low = low < s->last[j] ? low : s->last[j];
+            high = high > 0.0 ? high : 0.0;
+            high = high < s->last[j] ? high : s->last[j];
+            voxel[j] = (int)low;
+            differ |= (int)low ^ (int)high;
         }
-        for (int k = 0; k < 3; k++)
-            for (int i = 0; i < BFRT_BOXES; i++) {
-                int empty = (e->side[0][i] > e->side[3][i]) | (e->side[1][i] > e->side[4][i])
-                    | (e->side[2][i] > e->side[5][i]);
-                v->side[k][i] = empty ? INT_MAX : v->side[k][i];
-                v->side[3 + k][i] = empty ? -1 : v->side[3 + k][i];
-            }
+        for (int j = 0; j < BFRT_SIDES / 2; j++)
+            empty |= side[j] > side[BFRT_SIDES / 2 + j];
+        for (int i = 0; empty && i < BFRT_BOXES; i++)
+            if (bfrt_eight_empty(e, i))
+                for (int k = 0; k < 3; k++) {
+                    v->side[k][i] = INT_MAX;
+                    v->side[3 + k][i] = -1;
+                }
         return differ;
     }
+
+    typedef int bfrt_ints __attribute__((vector_size(4 * BFRT_BOXES)));
 
     /* Which of the eight regions a ray enters that comes into each of n voxels by a face, as bits:
        its voxel is in them, and on that side of them. */
@@ -127,17 +134,20 @@ cdef extern from *:
     static void bfrt_entered(const bfrt_voxels *v, int n, const int (*at)[3], const uint8_t *face,
                              uint8_t *which)
     {
+        const bfrt_ints bits = {1, 2, 4, 8, 16, 32, 64, 128};
+        const bfrt_ints halves = {4, 5, 6, 7, 0, 1, 2, 3}, pairs = {2, 3, 0, 1, 6, 7, 4, 5};
+        bfrt_ints side[6];
+        memcpy(side, v, sizeof side);
         for (int j = 0; j < n; j++) {
             int x = at[j][0], y = at[j][1], z = at[j][2], f = face[j];
-            int began = f == BFRT_START, here = at[j][f % 3], bits = 0;
-            const int *side = v->side[began ? 0 : f];
-            for (int i = 0; i < BFRT_BOXES; i++) {
-                int in = (v->side[0][i] <= x) & (x <= v->side[3][i]) & (v->side[1][i] <= y)
-                    & (y <= v->side[4][i]) & (v->side[2][i] <= z) & (z <= v->side[5][i])
-                    & (began | (side[i] == here));
-                bits |= in << i;
-            }
-            which[j] = (uint8_t)bits;
+            bfrt_ints in = (side[0] <= x) & (side[3] >= x) & (side[1] <= y) & (side[4] >= y)
+                & (side[2] <= z) & (side[5] >= z);
+            if (f != BFRT_START)
+                in &= side[f] == at[j][f % 3];
+            in &= bits;
+            in |= __builtin_shuffle(in, halves);
+            in |= __builtin_shuffle(in, pairs);
+            which[j] = (uint8_t)(in[0] | in[1]);
         }
     }
 
@@ -186,21 +196,23 @@ cdef extern from *:
     """
     enum:
         BOXES "BFRT_BOXES"
+        SIDES "BFRT_SIDES"
 
     ctypedef struct Eight "bfrt_eight":
         float side[6][8]
 
+    bint eight_empty "bfrt_eight_empty"(const Eight* e, int i) noexcept nogil
     void eight_of "bfrt_eight_of"(const float* side, int n, Eight* e) noexcept nogil
     void eight_end "bfrt_eight_end"(Eight* e, int n) noexcept nogil
     void eight_union "bfrt_eight_union"(const Eight* e, float* side) noexcept nogil
     void eight_below "bfrt_eight_below"(const double* x, float* below) noexcept nogil
 
     ctypedef struct Sides "bfrt_sides":
-        double grow[6]
-        double first[6]
-        double inverse[6]
-        double slack[6]
-        double last[6]
+        double grow[48]
+        double first[48]
+        double inverse[48]
+        double slack[48]
+        double last[48]
 
     ctypedef struct Voxels "bfrt_voxels":
         int side[6][8]
@@ -216,14 +228,6 @@ cdef extern from *:
     void eight_grow "bfrt_eight_grow"(const Eight* e, double grow, GrownEight* g) noexcept nogil
     void eight_span "bfrt_eight_span"(const GrownEight* g, const double* o, const double* d,
                                       double* inv, double* near, double* far) noexcept nogil
-
-
-cdef inline bint eight_empty(const Eight* e, int i) noexcept nogil:
-    return (
-        e.side[0][i] > e.side[HIGH][i]
-        or e.side[1][i] > e.side[HIGH + 1][i]
-        or e.side[2][i] > e.side[HIGH + 2][i]
-    )
 
 
 cdef inline void eight_clear(Eight* e, int i) noexcept nogil:
@@ -244,9 +248,9 @@ cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil
 cdef inline void sides_of(const Grid* g, Sides* s) noexcept nogil:
     """What `eight_voxels` has to know of a grid."""
     cdef int j, k
-    for j in range(6):
-        k = j % 3
-        s.grow[j] = (2.0 if j >= HIGH else -2.0) * g.grow
+    for j in range(SIDES):
+        k = j // BOXES % 3
+        s.grow[j] = (2.0 if j >= SIDES // 2 else -2.0) * g.grow
         s.first[j] = g.plane[k][0]
         s.inverse[j] = g.inverse[k]
         s.slack[j] = g.slack[k]
@@ -261,7 +265,7 @@ cdef inline void eight_voxels(const Grid* g, const Sides* s, const Eight* e,
         for i in range(BOXES):
             if not eight_empty(e, i):
                 for k in range(6):
-                    v.side[k][i] = located(g, k % 3, e.side[k][i] + s.grow[k])
+                    v.side[k][i] = located(g, k % 3, e.side[k][i] + s.grow[BOXES * k])
 
 
 cdef inline Range range_at(const Voxels* v, int i) noexcept nogil:

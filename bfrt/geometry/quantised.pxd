@@ -17,7 +17,7 @@ from libc.stdint cimport uint8_t
 from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, above
-from bfrt.geometry.eight cimport BOXES, Eight, eight_empty
+from bfrt.geometry.eight cimport BOXES, SIDES, Eight, eight_empty
 
 cdef extern from *:
     """
@@ -26,8 +26,6 @@ cdef extern from *:
         float from[6];
         float step[6];
     } bfrt_coding;
-
-    enum { BFRT_CODES = 6 * BFRT_BOXES };
 
     /* The first n boxes. */
     BFRT_CLONES
@@ -50,8 +48,8 @@ cdef extern from *:
     BFRT_CLONES
     static int bfrt_encode(const bfrt_coding *c, const bfrt_eight *e, uint8_t *code)
     {
-        int32_t steps[BFRT_CODES];
-        float from[BFRT_CODES], step[BFRT_CODES], in[BFRT_CODES];
+        int32_t steps[BFRT_SIDES];
+        float from[BFRT_SIDES], step[BFRT_SIDES], in[BFRT_SIDES];
         const float *side = &e->side[0][0];
         int look = 0;
         for (int k = 0; k < 6; k++)
@@ -60,7 +58,7 @@ cdef extern from *:
                 step[BFRT_BOXES * k + i] = c->step[k];
                 in[BFRT_BOXES * k + i] = k < 3 ? 1.0f : -1.0f;
             }
-        for (int j = 0; j < BFRT_CODES; j++) {
+        for (int j = 0; j < BFRT_SIDES; j++) {
             float guess = (side[j] - from[j]) / step[j];
             guess = guess > 0.0f ? guess : 0.0f;
             int n = (int)(guess < 255.0f ? guess : 255.0f);
@@ -69,8 +67,8 @@ cdef extern from *:
             look |= (from[j] + (float)n * step[j] - side[j]) * in[j] > 0.0f;
             steps[j] = n;
         }
-        for (int j = 0; j < BFRT_CODES / 2; j++)
-            look |= side[j] > side[BFRT_CODES / 2 + j];
+        for (int j = 0; j < BFRT_SIDES / 2; j++)
+            look |= side[j] > side[BFRT_SIDES / 2 + j];
         for (int i = 0; i < BFRT_BOXES; i++)
             for (int k = 0; k < 6; k++)
                 code[6 * i + k] = (uint8_t)steps[BFRT_BOXES * k + i];
@@ -82,7 +80,7 @@ cdef extern from *:
                                         float *side)
     {
         enum { ROOM = 8 };
-        uint8_t own[BFRT_CODES + 2], least[ROOM];
+        uint8_t own[BFRT_SIDES + 2], least[ROOM];
         memset(own, 255, sizeof own);
         memcpy(own, code, 6 * n);
         memset(least, 255, sizeof least);
@@ -127,7 +125,7 @@ cdef inline int outside(const Coding* c, int side, float x, int steps) noexcept 
 
 cdef inline void codes_of(const Coding* c, const Eight* e, int n, uint8_t* code) noexcept nogil:
     """Code the first n boxes of the parent's, BOXES or fewer."""
-    cdef uint8_t own[6 * BOXES]
+    cdef uint8_t own[SIDES]
     cdef int i, k
     if encode(c, e, own):
         for i in range(n):
