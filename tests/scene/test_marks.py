@@ -89,7 +89,7 @@ def test_round_trip(store, tmp_path):
 def test_any_layout(tmp_path_factory, shape, axis, seed):
     folder = tmp_path_factory.mktemp("marks")
     store = SceneWriter(folder / "a.bfrt").close()
-    layout = Layout(shape, axis)
+    layout = Layout(shape, axis, seed * 0x01020304)
     save(folder / "marks", store, layout, seed)
     both = zip(read(folder / "marks", store, layout), expected(layout, seed), strict=True)
     for found, saved in both:
@@ -101,8 +101,10 @@ def test_there_are_none(store, tmp_path):
     store.verify()
 
 
-@pytest.mark.parametrize("layout", [Layout((20, 5, 13), 2), Layout((13, 5, 20), 0)])
-def test_those_of_another_grid_are_not_taken(store, tmp_path, layout):
+@pytest.mark.parametrize(
+    "layout", [Layout((20, 5, 13), 2), Layout((13, 5, 20), 0), Layout((13, 5, 20), 2, 1)]
+)
+def test_those_of_another_grid_or_other_boxes_are_not_taken(store, tmp_path, layout):
     save(tmp_path / "marks", store)
     assert open_marks(tmp_path / "marks", store, layout) is None
 

@@ -1,0 +1,118 @@
+"""The marks are those of every box, one at a time: of the boxes that rays will meet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import fast
+import numpy as np
+import pytest
+from scenes import random_objects
+
+import bfrt
+from bfrt.phases.field import Field
+from bfrt.phases.partition import partition_of
+from bfrt.phases.preprocess import lattice_of, layout_of
+from bfrt.records import PARENT, Kind
+from bfrt.reference import _kernels
+from bfrt.scene.hierarchy import Hierarchy
+from bfrt.scene.marks import BRICK, BRICK_BYTES, marks_path, open_marks
+from bfrt.stats import Counters
+from bfrt.workers import Workers
+
+#: A voxel's bits that are marks.
+FACES = 63
+
+
+def boxes_of(stream, quantised):
+    """All boxes of a stream, as rays meet them."""
+    if stream.kind == Kind.SPHERE:
+        records = np.fromfile(stream.path("geometry"), np.uint8).reshape(stream.count, -1)
+        eights = [records[i : i + 8] for i in range(0, stream.count, 8)]
+        found = [_kernels.sphere_boxes(e, stream.wide, (0.0,) * 3)[: len(e)] for e in eights]
+        return np.concatenate(found)
+    if not quantised:
+        return np.fromfile(stream.path("boxes"), np.float32).reshape(-1, 6)
+    codes = np.fromfile(stream.path("quantised"), np.uint8).reshape(-1, 6)
+    found, begin = [], 0
+    for parent in np.fromfile(stream.path("level1"), PARENT):
+        box = np.array([parent[name] for name in PARENT.names[:6]], np.float32)
+        for first in range(begin, parent["end"], 8):
+            own = codes[first : min(first + 8, parent["end"])]
+            found.append(_kernels.decoded_eight(box, own)[0][: len(own)])
+        begin = parent["end"]
+    return np.concatenate(found)
+
+
+def marked_one_by_one(store, lattice, quantised):
+    """By the definition: of a voxel a bit for each of its faces where a box's region begins."""
+    marks = np.zeros(lattice.layered, np.uint8)
+    for stream in store.streams:
+        for box in boxes_of(stream, quantised):
+            first, last = lattice.range_of(box)
+            for face in range(6):
+                low, high = list(first), list(last)
+                axis = face % 3
+                low[axis] = high[axis] = first[axis] if face < 3 else last[axis]
+                where = tuple(slice(low[k], high[k] + 1) for k in reversed(lattice.order))
+                marks[where] |= np.uint8(1 << face)
+    return marks
+
+
+def marked(store, lattice, layout, scratch):
+    """What the marks on disk say."""
+    marks = open_marks(marks_path(store, store.groups[0], scratch), store, layout)
+    layers, rows, row = layout.bricks
+    whole = np.zeros((layers, rows, row, BRICK, BRICK, BRICK), np.uint8)
+    for number, occupied in enumerate(marks.occupied.astype(bool)):
+        bricks = np.empty((occupied.sum(), BRICK_BYTES), np.uint8)
+        marks.read(number, bricks)
+        whole[number][occupied] = bricks.reshape(-1, BRICK, BRICK, BRICK) & FACES
+    marks.close()
+    a, b, c = lattice.layered
+    whole = whole.transpose(0, 3, 1, 4, 2, 5).reshape(layers * BRICK, rows * BRICK, row * BRICK)
+    assert not whole[a:].any() and not whole[:, b:].any() and not whole[:, :, c:].any()
+    return whole[:a, :b, :c]
+
+
+@pytest.mark.parametrize("refine", ["base", "sg", "sgb"])
+@pytest.mark.parametrize("subspace", [1 << 30, 3000])
+def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
+    """Of quantised boxes with sgb; whatever is in memory at a time."""
+    objects = random_objects(np.random.default_rng(7), 400)
+    store = fast.gridded(fast.write(objects, tmp_path / "a.bfrt", origin=(0, 0, 0)))
+    group = store.groups[0]
+    capacities = replace(fast.limited(fast.ROOMY, voxels=24**3), subspace=subspace, threads=2)
+    workers = Workers(2)
+    Field(store, group, workers, capacities, refine, tmp_path).preprocess(True, Counters())
+    workers.close()
+    cut = partition_of(group, capacities.limits)
+    lattice = lattice_of(store, group, cut.shape, cut.axis)
+    layout = layout_of(group, cut, refine == "sgb")
+    assert (layout.boxes != 0) == (refine == "sgb")
+    found = marked(store, lattice, layout, tmp_path)
+    assert 0.1 < (found != 0).mean() < 0.9
+    expected = marked_one_by_one(store, lattice, refine == "sgb")
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_quantised_boxes_of_another_hierarchy_have_other_marks(tmp_path):
+    """The store is the same but for its hierarchy: so would be the name of its marks in scratch."""
+    stores = [
+        bfrt.spd.gears(2).write(tmp_path / f"{number}.bfrt", hierarchy=settings)
+        for number, settings in enumerate([Hierarchy(), Hierarchy(s=1.5), Hierarchy(bits=0)])
+    ]
+    assert len({store.checksum for store in stores}) == 1
+    sums = [store.groups[0].quantised_checksum for store in stores]
+    assert len(set(sums)) == 3 and sums[2] == 0
+
+
+def test_marks_are_made_again_for_other_boxes(tmp_path):
+    scene = bfrt.spd.gears(2)
+    store = scene.write(tmp_path / "a.bfrt")
+    camera = replace(scene.camera, resolution=(16, 16))
+    reused = [
+        bfrt.render(store, memory="128MiB", camera=camera, refine=refine).stats.marks_reused
+        for refine in ("sgb", "sgb", "sg", "base", "sgb")
+    ]
+    assert reused == [False, True, False, True, False]
