@@ -262,7 +262,7 @@ class _Planner:
             tracing=self._tracing(),
             spool_bytes=self._bands * self._spooled(self._most),
             disk=DiskPlan(
-                marks=sum(g.marks_bytes * _copies(g) for g in self._grids if not g.marks_there),
+                marks=sum(g.marks_bytes for g in self._grids if not g.marks_there),
                 frame=image_bytes(width, height, extra) if held.frame_on_disk else 0,
                 spools=self._spools_at_once(),
             ),
@@ -294,7 +294,7 @@ class _Planner:
             objects += group.gridded * near
             least += whole * near + swept.levels + swept.top * (n - 1)
             read += whole * near + swept.levels * n
-            most += (whole + swept.ends + swept.levels) * n + grid.marks_bytes * (_copies(grid) - 1)
+            most += (whole + swept.ends + swept.levels) * n
         reading = read / ASSUMED.read_rate
         marking = objects / (ASSUMED.mark_rate * self._held.threads)
         return PhasePlan(passes, least, read, most, reading + marking)
@@ -399,8 +399,3 @@ class _Planner:
 
     def _queue_bytes(self, records: float) -> int:
         return max(0, math.ceil(records) - self._held.queue) * QUEUED_BYTES
-
-
-def _copies(grid: GridPlan) -> int:
-    """Of marks on disk while they are made: subspaces are spooled until they are merged."""
-    return 2 if grid.subspaces > 1 else 1

@@ -154,7 +154,7 @@ def test_slabs_subspaces_and_two_levels(glass, monkeypatch):
     again, image, bands = both(scene, **settings)
     assert again.grids[0].slabs_known
     assert again.grids[0].marks_bytes == (scene.path / "0" / "marks").stat().st_size
-    assert again.grids[0].marks_bytes <= grid.marks_bytes == planned.disk.marks // 2
+    assert again.grids[0].marks_bytes <= grid.marks_bytes == planned.disk.marks
     exact(again, image, bands)
     estimated(again, image.stats)
 

@@ -3,8 +3,8 @@
 ::
 
     voxels        cubes, about as many as objects           marks on disk, in bricks
-    subspaces     near-cubes of voxels                      preprocessed one by one
-    slabs         layers of voxels, across the longest axis traversed one by one
+    subspaces     layers of voxels, across the longest axis preprocessed one by one
+    slabs         layers too, as many as memory holds       traversed one by one
     upper voxels  1, 2 or 4 voxels a side                   where rays are stored
 """
 
@@ -167,19 +167,16 @@ def cut(shape: Shape, limits: Limits) -> Partition | None:
     return None
 
 
-def subspaces(layered: Shape, most: int) -> Iterator[tuple[Shape, Shape]]:
-    """Near-cubes of up to `most` voxels, first voxel and end of each, in (layers, rows, row).
+def subspaces(layered: Shape, most: int) -> Iterator[tuple[int, int]]:
+    """First layer of voxels and end of each: whole bricks, up to `most` voxels, but at least one.
 
-    They come layer by layer. Cubes, for most parent boxes lie outside one (the paper's figure 3).
+    The paper's are cubes, for most parent boxes lie outside one (its figure 3). Few parents are cut
+    either way where they are small; but what lies in a cube comes in many short runs, and the gaps
+    between are read through. Layers also come in the order in which marks are kept.
     """
-    parts, side = [1, 1, 1], list(layered)
-    while math.prod(side) > most and max(side) > BRICK:
-        k = max(range(3), key=lambda k: side[k])
-        parts[k] += 1
-        side[k] = -(-layered[k] // (parts[k] * BRICK)) * BRICK
-    for a in range(0, layered[0], side[0]):
-        for b in range(0, layered[1], side[1]):
-            for c in range(0, layered[2], side[2]):
-                end = (a + side[0], b + side[1], c + side[2])
-                cut_end = tuple(min(e, n) for e, n in zip(end, layered, strict=True))
-                yield (a, b, c), (cut_end[0], cut_end[1], cut_end[2])
+    layers = -(-layered[0] // BRICK)
+    fit = max(1, most // (BRICK * layered[1] * layered[2]))
+    count = -(-layers // fit)
+    for number in range(count):
+        first, end = (layers * n // count * BRICK for n in (number, number + 1))
+        yield first, min(end, layered[0])

@@ -5,12 +5,11 @@ The paper marks every voxel that a bounding box overlaps. A ray needs to be stor
 where a region begins at that face: marking costs the surface of a region, not its volume.
 
 A grid that memory does not hold is preprocessed in subspaces, each in a pass over the hierarchy
-that leaves out what lies outside it; what they find is merged into layers on disk (section 3.2).
+that leaves out what lies outside it (section 3.2).
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,12 +38,8 @@ from bfrt.scene.objects import Objects
 from bfrt.scene.store import Group, Store
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Counters
-from bfrt.streams.spool import Spool
 
 Bytes = NDArray[np.uint8]
-
-#: A brick in a spool.
-BRICK_RECORD = np.dtype(f"V{BRICK_BYTES}")
 
 #: A box grows by this part of the diagonal of the scene's bounds when rays meet it.
 GROW = 2.0**-30
@@ -103,7 +98,7 @@ def preprocess(
     found = None if fresh else open_marks(path, store, layout)
     if found is not None:
         return found, True
-    marking = Marking(objects, selections, lattice, scratch, counters)
+    marking = Marking(objects, selections, lattice, counters)
     with writing_marks(path, store, layout) as writer:
         marking.mark_all(subspace, writer)
     counters.phases.preprocess.bytes_written += writer.bytes
@@ -118,31 +113,23 @@ class Marking:
         objects: Objects,
         selections: Selections | None,
         lattice: Lattice,
-        scratch: Path,
         counters: Counters,
     ) -> None:
         self._objects = objects
         self._selections = selections
         self._lattice = lattice
-        self._scratch = scratch
         self._counters = counters
 
     def mark_all(self, most: int, writer: MarksWriter) -> None:
         """Write all layers, of subspaces of up to `most` voxels."""
-        parts = list(subspaces(self._lattice.layered, most))
-        for _, row in itertools.groupby(parts, lambda part: part[0][0]):
-            row_parts = list(row)
-            if len(row_parts) == 1:
-                for bricks, occupied in layers_of(self._marked(*row_parts[0])):
-                    writer.add(bricks, occupied)
-            else:
-                self._merge(row_parts, writer)
+        for first, end in subspaces(self._lattice.layered, most):
+            for bricks, occupied in layers_of(self._marked(first, end)):
+                writer.add(bricks, occupied)
 
-    def _marked(self, begin: Shape, end: Shape) -> Bytes:
+    def _marked(self, first: int, end: int) -> Bytes:
         """The marks of a subspace: one pass over the objects."""
-        a, b, c = (e - b for b, e in zip(begin, end, strict=True))
-        marks = np.zeros((a, b, c), np.uint8)
-        subspace = Subspace(self._lattice, begin, end)
+        marks = np.zeros((end - first, *self._lattice.layered[1:]), np.uint8)
+        subspace = Subspace(self._lattice, first, end)
         phase = self._counters.phases.preprocess
 
         def loop(sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
@@ -157,26 +144,6 @@ class Marking:
         phase.swept(self._objects)
         return marks
 
-    def _merge(self, parts: list[tuple[Shape, Shape]], writer: MarksWriter) -> None:
-        """Write the layers of subspaces that lie beside each other."""
-        spools = [Spool(BRICK_RECORD, 0, self._scratch) for _ in parts]
-        phase = self._counters.phases.preprocess
-        try:
-            tables = []
-            for (begin, end), spool in zip(parts, spools, strict=True):
-                occupied = []
-                for bricks, layer in layers_of(self._marked(begin, end)):
-                    spool.append(bricks.view(BRICK_RECORD).reshape(-1))
-                    occupied.append(layer)
-                tables.append(np.stack(occupied))
-            corners = [tuple(x // BRICK for x in begin[1:]) for begin, _ in parts]
-            for number in range(len(tables[0])):
-                writer.add(*merged(corners, [t[number] for t in tables], spools, writer))
-        finally:
-            for spool in spools:
-                phase.spooled(spool)
-                spool.close()
-
 
 def layers_of(marks: Bytes) -> Iterator[tuple[Bytes, Bytes]]:
     """Layers of bricks of a subspace: those that are kept (n, 512), and which they are."""
@@ -186,22 +153,3 @@ def layers_of(marks: Bytes) -> Iterator[tuple[Bytes, Bytes]]:
         occupied = np.empty((rows, row), np.uint8)
         n = pack(marks[first : first + BRICK], bricks, occupied)
         yield bricks[:n], occupied
-
-
-def merged(
-    corners: list[tuple[int, ...]], tables: list[Bytes], spools: list[Spool], writer: MarksWriter
-) -> tuple[Bytes, Bytes]:
-    """A layer of the grid, of those of subspaces whose first bricks are at `corners`."""
-    occupied = np.zeros(writer.occupied.shape[1:], np.uint8)
-    parts = []
-    for (y, x), table in zip(corners, tables, strict=True):
-        part = (slice(y, y + table.shape[0]), slice(x, x + table.shape[1]))
-        occupied[part] = table
-        parts.append(part)
-    places = np.cumsum(occupied.reshape(-1), dtype=np.int64).reshape(occupied.shape) - 1
-    bricks = np.empty((int(occupied.sum()), BRICK_BYTES), np.uint8)
-    for part, table, spool in zip(parts, tables, spools, strict=True):
-        n = int(table.sum())
-        own = places[part][table.astype(bool)]
-        bricks[own] = spool.read(n).view(np.uint8).reshape(n, BRICK_BYTES)
-    return bricks, occupied

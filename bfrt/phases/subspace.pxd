@@ -1,4 +1,4 @@
-"""A part of the grid that is preprocessed by itself (the paper's section 3.2, figure 3)."""
+"""A part of the grid that is preprocessed by itself (the paper's section 3.2)."""
 
 from libc.stdint cimport int64_t
 
@@ -8,17 +8,15 @@ from bfrt.geometry.grid cimport Grid, Range, roughly
 
 cdef class Subspace:
     cdef Range range        # its voxels, inclusive, an axis
+    cdef int axis           # across its layers
     cdef int64_t stride[3]  # of a voxel in its own marks, an axis
 
 
 cdef inline bint box_near(const Box* b, const Grid* g, Subspace s) noexcept nogil:
     """Whether a box may have a voxel in the subspace: by arithmetic with slack, never missing."""
-    cdef int k
-    if box_empty(b):
-        return False
-    for k in range(3):
-        if roughly(g, k, b.lo[k], -g.slack[k]) > s.range.hi[k]:
-            return False
-        if roughly(g, k, b.hi[k], g.slack[k]) < s.range.lo[k]:
-            return False
-    return True
+    cdef int k = s.axis
+    return (
+        not box_empty(b)
+        and roughly(g, k, b.lo[k], -g.slack[k]) <= s.range.hi[k]
+        and roughly(g, k, b.hi[k], g.slack[k]) >= s.range.lo[k]
+    )

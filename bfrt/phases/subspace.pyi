@@ -1,6 +1,4 @@
-from collections.abc import Sequence
-
 from bfrt.geometry.lattice import Lattice
 
 class Subspace:
-    def __init__(self, lattice: Lattice, begin: Sequence[int], end: Sequence[int]) -> None: ...
+    def __init__(self, lattice: Lattice, first: int, end: int) -> None: ...

@@ -1,4 +1,4 @@
-"""A part of the grid that is preprocessed by itself (the paper's section 3.2, figure 3)."""
+"""A part of the grid that is preprocessed by itself (the paper's section 3.2)."""
 
 cimport cython
 
@@ -7,22 +7,25 @@ from bfrt.geometry.lattice cimport Lattice
 
 @cython.final
 cdef class Subspace:
-    """A box of voxels.
+    """Some layers of voxels.
 
     Parameters
     ----------
     lattice : Lattice
         The grid.
-    begin, end : tuple of 3 int
-        The first voxel and the one beyond the last, in (layers, rows, row).
+    first, end : int
+        The first layer and the one beyond the last.
     """
 
-    def __cinit__(self, Lattice lattice, begin, end):
+    def __cinit__(self, Lattice lattice, int first, int end):
         cdef int64_t stride = 1
         cdef int j, k
         for j in range(3):
             k = lattice.grid.order[j]
-            self.range.lo[k] = begin[2 - j]
-            self.range.hi[k] = end[2 - j] - 1
+            self.range.lo[k] = 0
+            self.range.hi[k] = lattice.grid.n[k] - 1
             self.stride[k] = stride
-            stride *= end[2 - j] - begin[2 - j]
+            stride *= lattice.grid.n[k]
+        self.axis = lattice.grid.order[2]
+        self.range.lo[self.axis] = first
+        self.range.hi[self.axis] = end - 1
