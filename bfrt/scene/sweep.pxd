@@ -9,7 +9,7 @@ from bfrt.geometry.eight cimport BOXES, Eight, eight_clear, eight_of
 from bfrt.geometry.quantised cimport Coding, coding_in, eight_decoded
 from bfrt.geometry.sphere cimport sphere_boxes
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
-from bfrt.streams.reader cimport Reader, skip, take
+from bfrt.streams.reader cimport Reader, skip, take, want
 
 
 cdef class Sweep:
@@ -34,6 +34,7 @@ cdef class Sweep:
     cdef const int64_t[::1] outliers
     cdef Py_ssize_t outlier
     cdef readonly int64_t geometry_read  # objects whose geometry was read
+    cdef int64_t wanted    # the end of the ranges whose boxes are being read
     # The range of objects that `advance_to` came to:
     cdef bint coded        # whether their boxes are read quantised
     cdef Coding coding     # and how
@@ -72,6 +73,44 @@ cdef inline int advance_to(Sweep s, int64_t index, const Box* parent) except -1 
         s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
     s.index += n
     return 0
+
+
+cdef inline int advance_to_range(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
+                                 const Box* parent) except -1 nogil:
+    """Go forward to the first object of range k, of those in the window.
+
+    Boxes are then read as far as each range lies near the next, at once and no further.
+    """
+    cdef int64_t near
+    advance_to(s, ranges[k, 0], parent)
+    if ranges[k, 0] >= s.wanted:
+        near = objects_of_gap(s)
+        while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= near:
+            k += 1
+        want_boxes(s, ranges[k, 1])
+    return 0
+
+
+cdef inline int64_t objects_of_gap(Sweep s) noexcept nogil:
+    """How many objects' boxes are read through."""
+    if s.coded:
+        return s.quantised.gap // CODE_BYTES
+    if s.boxes is not None:
+        return s.boxes.gap // BOX_BYTES
+    return s.geometry.gap // <int64_t>s.stride
+
+
+cdef inline void want_boxes(Sweep s, int64_t end) noexcept nogil:
+    """Know that boxes up to that object's will be looked at."""
+    s.wanted = end
+    if s.coded:
+        want(s.quantised, end * CODE_BYTES)
+    elif s.boxes is not None:
+        want(s.boxes, end * BOX_BYTES)
+    else:
+        want(s.geometry, end * <int64_t>s.stride)
+    if s.offsets is not None:
+        want(s.offsets, end * OFFSET_BYTES)
 
 
 cdef inline const unsigned char* records_of(Sweep s, int64_t at, int64_t n) except NULL nogil:

@@ -78,7 +78,7 @@ cdef class Sweep:
         """Begin again at the first object."""
         for reader in self.readers:
             reader.rewind()
-        self.index = self.vertex = self.outlier = self.fetched = 0
+        self.index = self.vertex = self.outlier = self.fetched = self.wanted = 0
 
     def expect(self, double apart):
         """Know how far it mostly is from what is read to the next: a part of the stream."""
@@ -104,6 +104,7 @@ cdef class Sweep:
             self.quantised.window(first * CODE_BYTES, last * CODE_BYTES)
         self.index = first
         self.fetched = begin
+        self.wanted = 0
         while self.outlier < self.outliers.shape[0] and self.outliers[self.outlier] < first:
             self.outlier += 1
         return 0

@@ -33,6 +33,7 @@ cdef class Reader:
     cdef size_t span       # bytes of the next read: twice the last, up to the capacity
     cdef int64_t position
     cdef int64_t stop
+    cdef int64_t wanted    # reads end here, where so much of the window is known to be wanted
     cdef readonly Tape tape
 
     cpdef int window(self, int64_t begin, int64_t stop) except -1
@@ -40,6 +41,12 @@ cdef class Reader:
     cdef int read_more(self, size_t wanted) except -1 nogil
     cdef int jump(self, int64_t n) except -1 nogil
     cdef int pass_over(self, int64_t n) except -1 nogil
+
+
+cdef inline void want(Reader r, int64_t end) noexcept nogil:
+    """Know that all that follows is wanted up to `end`, and what is next is not near it."""
+    r.wanted = end
+    r.span = r.capacity
 
 
 cdef inline const unsigned char* take(Reader r, size_t n) except NULL nogil:

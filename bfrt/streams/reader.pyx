@@ -114,7 +114,7 @@ cdef class Reader:
     def rewind(self):
         """Begin a new sweep of the file, with an empty window at its start."""
         self.at = self.end = self.buffer
-        self.position = self.stop = 0
+        self.position = self.stop = self.wanted = 0
         self.span = self.least
 
     def expect(self, int64_t apart):
@@ -148,7 +148,7 @@ cdef class Reader:
             self.at += begin - now
         else:
             self.jump(begin - now)
-        self.stop = stop
+        self.stop = self.wanted = stop
         if self.position > stop:  # the last window had more: give it back
             self.end -= self.position - stop
             self.position = stop
@@ -168,7 +168,7 @@ cdef class Reader:
     cdef int pass_over(self, int64_t n) except -1 nogil:
         """Go beyond the buffer, inside the window."""
         cdef int64_t step
-        if n - (self.end - self.at) > self.gap:
+        if n - (self.end - self.at) > self.gap or self.position >= self.wanted:
             return self.jump(n)
         while n > 0:
             if self.at == self.end:
@@ -180,7 +180,7 @@ cdef class Reader:
         return 0
 
     cdef const unsigned char* refill(self, size_t n) except NULL nogil:
-        """Read until n bytes are there, and as many more as the buffer and the window hold."""
+        """Read until n bytes are there, and as many more as the buffer holds and are wanted."""
         cdef size_t left = self.end - self.at
         cdef int64_t rest = self.stop - self.position
         cdef size_t room
@@ -191,6 +191,7 @@ cdef class Reader:
         memmove(self.buffer, self.at, left)
         self.at = self.buffer
         self.end = self.buffer + left
+        rest = max(min(rest, self.wanted - self.position), <int64_t>(n - left))
         room = min(self.capacity - left, max(self.span, n - left))
         if <int64_t>room > rest:
             room = rest
@@ -199,8 +200,8 @@ cdef class Reader:
             atomic_add(&self.tape.seeks, 1)
         while room > 0:
             room -= self.read_more(min(room, <size_t>MOST))
-        if self.stop > self.position and self.span == self.capacity:
-            rest = self.stop - self.position
+        rest = min(self.stop, self.wanted) - self.position
+        if rest > 0 and self.span == self.capacity:
             prefetch(self.tape.fd, self.position, min(rest, <int64_t>self.capacity))
         p = self.at
         self.at += n
