@@ -58,13 +58,14 @@ def measured(scene: str, size: int, views: list[str], folder: Path, pictures: Pa
     options = {"hash": "jenkins"} if scene == "mount" else {}
     note("create", "spd", name=scene, size=size, target=str(store), **options)
     note("sequential read", "read", store=str(store))
-    for view in ["", *(view for view in views if view.startswith(f"{scene}{size}"))]:
-        label = view or f"{scene}{size}"
+    labels = {"": f"{scene}{size}"} | {v: v for v in views if v.startswith(f"{scene}{size}")}
+    given = {"store": str(store), "memory": CAP}
+    for view, label in labels.items():
         picture = str(pictures / f"{label}.png")
-        given = {"store": str(store), "view": view, "memory": CAP}
-        note(label, "render", **given, picture=picture, fresh_marks=not view)
-        for refine in ("base", "sg"):
-            note(f"{label} {refine}", "sliced", **given, sweeps=SWEEPS, refine=refine)
+        note(label, "render", **given, view=view, picture=picture, fresh_marks=not view)
+    for refine in ("base", "sg"):  # after these, for they make marks of their own
+        for view, label in labels.items():
+            note(f"{label} {refine}", "sliced", **given, view=view, sweeps=SWEEPS, refine=refine)
     return rows
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import fast
 import numpy as np
@@ -10,13 +11,17 @@ import pytest
 from scenes import random_objects
 
 import bfrt
+from bfrt.geometry.lattice import Lattice
+from bfrt.phases._preprocess import mark
 from bfrt.phases.field import Field
 from bfrt.phases.partition import partition_of
 from bfrt.phases.preprocess import lattice_of, layout_of
+from bfrt.phases.subspace import Subspace
 from bfrt.records import PARENT, Kind
 from bfrt.reference import _kernels
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.marks import BRICK, BRICK_BYTES, marks_path, open_marks
+from bfrt.scene.sweep import Sweep
 from bfrt.stats import Counters
 from bfrt.workers import Workers
 
@@ -94,6 +99,24 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
     assert 0.1 < (found != 0).mean() < 0.9
     expected = marked_one_by_one(store, lattice, refine == "sgb")
     np.testing.assert_array_equal(found, expected)
+
+
+def test_of_boxes_those_are_read_that_are_wanted(tmp_path):
+    """And short gaps between, but no byte beyond: what comes next is far."""
+    corners = np.random.default_rng(1).random((100_000, 3, 3), np.float32)
+    with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
+        writer.triangles(corners)
+    (stream,) = bfrt.open(tmp_path / "a.bfrt").streams
+    sweep = Sweep(stream, (0.0,) * 3, np.empty(0, np.int64), 1 << 18, lazy=True)
+    sweep.window(0, 90_020)
+    lattice = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
+    marks = np.zeros(lattice.layered, np.uint8)
+    ranges = np.array([[5, 10], [2000, 2010], [30_000, 70_000], [90_000, 90_010]])
+    mark(sweep, ranges, None, lattice, Subspace(lattice, 0, 4), marks)
+    assert marks.any()
+    read = {Path(tape.path).name: tape.counts()[0] for tape in sweep.tapes}
+    wanted = (2010 - 5) + 40_000 + 10
+    assert read == {"geometry": 0, "boxes": 24 * wanted, "quantised": 0}
 
 
 def test_quantised_boxes_of_another_hierarchy_have_other_marks(tmp_path):
