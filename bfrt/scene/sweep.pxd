@@ -82,12 +82,15 @@ cdef inline int advance_to_range(Sweep s, const int64_t[:, ::1] ranges, int64_t 
     Boxes are then read as far as each range lies near the next, at once and no further.
     """
     cdef int64_t near
+    s.coded = parent != NULL
+    if ranges[k, 0] < s.wanted:
+        return advance_to(s, ranges[k, 0], parent)
+    want_boxes(s, s.index)  # so that what comes before is not read through
     advance_to(s, ranges[k, 0], parent)
-    if ranges[k, 0] >= s.wanted:
-        near = objects_of_gap(s)
-        while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= near:
-            k += 1
-        want_boxes(s, ranges[k, 1])
+    near = objects_of_gap(s)
+    while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= near:
+        k += 1
+    want_boxes(s, ranges[k, 1])
     return 0
 
 
