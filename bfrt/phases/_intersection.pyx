@@ -23,7 +23,7 @@ from bfrt.phases.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer
 from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, Crossing, Ray
-from bfrt.scene.sweep cimport Sweep, advance_block, advance_to_range, decode, fetch
+from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, decode, fetch
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -351,7 +351,7 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
         for k in range(ranges.shape[0]):
             if parents is not None:
                 parent = <const Box*>&parents[k, 0]
-            advance_to_range(sweep, ranges, k, parent)
+            advance_to(sweep, ranges, k, parent)
             while sweep.index < ranges[k, 1]:
                 n = advance_block(sweep, ranges[k, 1] - sweep.index)
                 meet_block(&s, sweep, voxel_rays, n)

@@ -7,7 +7,7 @@ from bfrt.geometry.eight cimport Sides, Voxels, eight_empty, eight_voxels, range
 from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, entered_by
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.subspace cimport Subspace
-from bfrt.scene.sweep cimport Sweep, advance_block, advance_to_range, decode
+from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, decode
 from bfrt.streams.atomic cimport atomic_or
 
 
@@ -102,7 +102,7 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
         for k in range(ranges.shape[0]):
             if parents is not None:
                 parent = <const Box*>&parents[k, 0]
-            advance_to_range(sweep, ranges, k, parent)
+            advance_to(sweep, ranges, k, parent)
             while sweep.index < ranges[k, 1]:
                 n = advance_block(sweep, ranges[k, 1] - sweep.index)
                 decode(sweep, n)

@@ -52,17 +52,38 @@ cdef class Sweep:
     cdef int refuse(self, int64_t vertex) except -1 nogil
 
 
-cdef inline int advance_to(Sweep s, int64_t index, const Box* parent) except -1 nogil:
-    """Go forward to an object of the window; what lies between is skipped.
+cdef inline int advance_to(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
+                           const Box* parent) except -1 nogil:
+    """Go forward to the first object of range k, of those in the window; what lies between is
+    skipped.
 
-    From there on boxes are read quantised, in the parent's, or as they are if that is NULL: all
-    the way through a window in the same way.
+    From there on boxes are read quantised in the parent's, or as they are if that is NULL, all the
+    way through a window in the same way. They are read as far as each range lies near the next, at
+    once and no further.
     """
-    cdef int64_t n = index - s.index
+    cdef int64_t n = ranges[k, 0] - s.index
+    cdef int64_t near
+    cdef bint far = ranges[k, 0] >= s.wanted
     s.coded = parent != NULL
     if s.coded:
         coding_in(parent, &s.coding)
-    if n <= 0:
+    if far:
+        want_boxes(s, s.index)  # what comes before is not read through
+    skip_boxes(s, n)
+    if far:
+        near = objects_of_gap(s)
+        while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= near:
+            k += 1
+        want_boxes(s, ranges[k, 1])
+    if s.kind == POLYGON and n > 0:
+        s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
+    s.index += n
+    return 0
+
+
+cdef inline int skip_boxes(Sweep s, int64_t n) except -1 nogil:
+    """Leave out n objects' boxes, and but for the last where they end."""
+    if n == 0:
         return 0
     if s.coded:
         skip(s.quantised, n * CODE_BYTES)
@@ -70,27 +91,6 @@ cdef inline int advance_to(Sweep s, int64_t index, const Box* parent) except -1 
         skip(s.boxes, n * BOX_BYTES)
     if s.kind == POLYGON:
         skip(s.offsets, (n - 1) * OFFSET_BYTES)
-        s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
-    s.index += n
-    return 0
-
-
-cdef inline int advance_to_range(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
-                                 const Box* parent) except -1 nogil:
-    """Go forward to the first object of range k, of those in the window.
-
-    Boxes are then read as far as each range lies near the next, at once and no further.
-    """
-    cdef int64_t near
-    s.coded = parent != NULL
-    if ranges[k, 0] < s.wanted:
-        return advance_to(s, ranges[k, 0], parent)
-    want_boxes(s, s.index)  # so that what comes before is not read through
-    advance_to(s, ranges[k, 0], parent)
-    near = objects_of_gap(s)
-    while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= near:
-        k += 1
-    want_boxes(s, ranges[k, 1])
     return 0
 
 
@@ -197,7 +197,7 @@ cdef inline void clear_outliers(Sweep s) noexcept nogil:
 
 cdef inline int advance(Sweep s) except -1 nogil:
     """Come to the next object, and its record."""
-    advance_to(s, s.index, NULL)
+    s.coded = False
     advance_block(s, 1)
     s.record = fetch(s, 0)
     return 0
