@@ -135,7 +135,6 @@ cdef extern from *:
                              uint8_t *which)
     {
         const bfrt_ints bits = {1, 2, 4, 8, 16, 32, 64, 128};
-        const bfrt_ints halves = {4, 5, 6, 7, 0, 1, 2, 3}, pairs = {2, 3, 0, 1, 6, 7, 4, 5};
         bfrt_ints side[6];
         memcpy(side, v, sizeof side);
         for (int j = 0; j < n; j++) {
@@ -145,9 +144,10 @@ cdef extern from *:
             if (f != BFRT_START)
                 in &= side[f] == at[j][f % 3];
             in &= bits;
-            in |= __builtin_shuffle(in, halves);
-            in |= __builtin_shuffle(in, pairs);
-            which[j] = (uint8_t)(in[0] | in[1]);
+            uint64_t pairs[BFRT_BOXES / 2];
+            memcpy(pairs, &in, sizeof pairs);
+            uint64_t both = (pairs[0] | pairs[1]) | (pairs[2] | pairs[3]);
+            which[j] = (uint8_t)(both | both >> 32);
         }
     }
 
