@@ -6,10 +6,9 @@
 
 Each step is a process of its own inside a memory cgroup of 256 MiB, its files dropped from the page
 cache before: making the store; marks and picture with sgb; the other views, marks there; base and
-sg. These are run on a slice, for they take hours: `SWEEPS` of their sweeps, whose seconds are
-multiplied by the sweeps that sgb has made, and for the marks by the passes that these took. The
-unit is one sequential read of the store. Needs root, for the cgroup, and the disk: 40 GB for rings
-368.
+sg. These are run on a slice, for they take hours: their marks, and `SWEEPS` of their sweeps, whose
+seconds are multiplied by the sweeps that sgb has made. The unit is one sequential read of the
+store. Needs root, for the cgroup, and the disk: 40 GB for rings 368.
 """
 
 from __future__ import annotations
@@ -85,12 +84,13 @@ def summary(rows: list[Facts]) -> str:
             f"tracing {tracing:.1f} s ({tracing / unit:.2f}), {row['sweeps']} sweeps"
         )
         for refine in ("base", "sg"):
-            sweep = next(r["sweep"] for r in rows if r["label"] == f"{row['label']} {refine}")
+            part = next(r for r in rows if r["label"] == f"{row['label']} {refine}")
+            sweep = part["sweep"]
             gain = sweep * row["sweeps"] / tracing
             lines.append(
                 f"    {refine}: {sweep:.1f} s a sweep; tracing about "
                 f"{sweep * row['sweeps']:.0f} s, of which the gain is {gain:.2f}; "
-                f"preprocess about {sweep * marking:.0f} s"
+                f"preprocess {part['preprocess']:.0f} s"
             )
     return "\n".join(lines)
 

@@ -106,8 +106,10 @@ def read(store: str) -> Facts:
 
 
 def sliced(store: str, view: str, sweeps: int, **settings: Any) -> Facts:
-    """Seconds of a sweep: of the first ones, after which the render is cancelled."""
+    """Seconds of the preprocess, and of a sweep: of the first ones, after which the render is
+    cancelled."""
     times: list[float] = []
+    start = time.perf_counter()
 
     def tell(_: object) -> bool:
         times.append(time.perf_counter())
@@ -116,7 +118,7 @@ def sliced(store: str, view: str, sweeps: int, **settings: Any) -> Facts:
     try:
         bfrt.render(store, camera=camera_of(view), progress=tell, **settings)
     except bfrt.Cancelled:
-        return {"sweep": (times[-1] - times[0]) / sweeps}
+        return {"preprocess": times[0] - start, "sweep": (times[-1] - times[0]) / sweeps}
     raise SystemExit(f"{store} {settings}: the render was done before its slice was")
 
 

@@ -17,7 +17,7 @@ from libc.stdint cimport uint8_t
 from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, above
-from bfrt.geometry.eight cimport BOXES, SIDES, Eight, eight_empty
+from bfrt.geometry.eight cimport SIDES, Eight, eight_empty
 
 cdef extern from *:
     """

@@ -17,7 +17,8 @@ a ground polygon makes so large that all else is merged into a few boxes; ours s
 grid, so it does not count here either.)
 
 Beyond the paper, the objects' boxes are kept a second time, quantised inside their parents
-(bfrt/geometry/quantised.pxd): rays meet those first, which are a quarter of the bytes.
+(bfrt/geometry/quantised.pxd): marks are made of those, and rays meet them first: a
+quarter of the bytes.
 """
 
 from __future__ import annotations

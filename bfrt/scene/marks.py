@@ -69,7 +69,7 @@ class Layout(NamedTuple):
         Voxels an axis: x, y, z.
     axis : int
         The one across the layers.
-    boxes: int
+    boxes : int
         0 for the objects' boxes as they are; else `Group.quantised_checksum`.
     """
 

@@ -61,8 +61,8 @@ cdef inline int advance_to(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
     way through a window in the same way. They are read as far as each range lies near the next, at
     once and no further.
     """
-    cdef int64_t n = ranges[k, 0] - s.index
-    cdef int64_t near
+    cdef int64_t n = max(<int64_t>0, ranges[k, 0] - s.index)
+    cdef int64_t gap
     cdef bint far = ranges[k, 0] >= s.wanted
     s.coded = parent != NULL
     if s.coded:
@@ -71,8 +71,8 @@ cdef inline int advance_to(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
         want_boxes(s, s.index)  # what comes before is not read through
     skip_boxes(s, n)
     if far:
-        near = objects_of_gap(s)
-        while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= near:
+        gap = objects_of_gap(s)
+        while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= gap:
             k += 1
         want_boxes(s, ranges[k, 1])
     if s.kind == POLYGON and n > 0:
@@ -82,13 +82,16 @@ cdef inline int advance_to(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
 
 
 cdef inline int skip_boxes(Sweep s, int64_t n) except -1 nogil:
-    """Leave out n objects' boxes, and but for the last where they end."""
-    if n == 0:
+    """Leave out n objects' boxes, and where they end, but for the last: `advance_to` takes it."""
+    if n <= 0:
         return 0
     if s.coded:
         skip(s.quantised, n * CODE_BYTES)
     elif s.boxes is not None:
         skip(s.boxes, n * BOX_BYTES)
+    else:
+        skip(s.geometry, n * <int64_t>s.stride)
+        s.fetched += n
     if s.kind == POLYGON:
         skip(s.offsets, (n - 1) * OFFSET_BYTES)
     return 0

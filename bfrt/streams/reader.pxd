@@ -44,7 +44,7 @@ cdef class Reader:
 
 
 cdef inline void want(Reader r, int64_t end) noexcept nogil:
-    """Know that all that follows is wanted up to `end`, and what is next is not near it."""
+    """Have reads end there, and begin with a whole buffer: all up to it is wanted."""
     r.wanted = end
     r.span = r.capacity
 

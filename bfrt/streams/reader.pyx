@@ -4,8 +4,9 @@ Reads are large and ask the system for the next buffer ahead of time (``posix_fa
 there is one). A short read is not the end of the file, and an interrupted one is tried again.
 
 A gap is read through where that is cheaper than to seek over it. After a seek reads begin small
-and double while they go on, so that a lonely record does not cost a whole buffer. Where nearly all
-records are lonely, the system is told not to read ahead, and reads begin with a page.
+and double while they go on, so that a lonely record does not cost a whole buffer; but where a
+caller knows what is wanted (`want`), just that is read, at once. Where nearly all records are
+lonely, the system is told not to read ahead, and reads begin with a page.
 """
 
 cimport cython
@@ -168,10 +169,12 @@ cdef class Reader:
     cdef int pass_over(self, int64_t n) except -1 nogil:
         """Go beyond the buffer, inside the window."""
         cdef int64_t step
-        if n - (self.end - self.at) > self.gap or self.position >= self.wanted:
+        if n - (self.end - self.at) > self.gap:
             return self.jump(n)
         while n > 0:
             if self.at == self.end:
+                if self.position >= self.wanted:
+                    return self.jump(n)
                 self.refill(1)
                 self.at -= 1
             step = min(n, <int64_t>(self.end - self.at))

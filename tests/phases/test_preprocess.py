@@ -101,22 +101,32 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
     np.testing.assert_array_equal(found, expected)
 
 
-def test_of_boxes_those_are_read_that_are_wanted(tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "bits", "name", "width"),
+    [
+        (Kind.TRIANGLE, 0, "boxes", 24),
+        (Kind.TRIANGLE, 8, "quantised", 6),
+        (Kind.SPHERE, 8, "geometry", 16),
+    ],
+)
+def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, width):
     """And short gaps between, but no byte beyond: what comes next is far."""
-    corners = np.random.default_rng(1).random((100_000, 3, 3), np.float32)
-    with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
-        writer.triangles(corners)
+    corners = np.random.default_rng(1).random((100_000, 9), np.float32)
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(bits=bits)) as writer:
+        writer.append(kind, corners if kind == Kind.TRIANGLE else corners[:, :4].copy())
     (stream,) = bfrt.open(tmp_path / "a.bfrt").streams
     sweep = Sweep(stream, (0.0,) * 3, np.empty(0, np.int64), 1 << 18, lazy=True)
     sweep.window(0, 90_020)
     lattice = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
     marks = np.zeros(lattice.layered, np.uint8)
     ranges = np.array([[5, 10], [2000, 2010], [30_000, 70_000], [90_000, 90_010]])
-    mark(sweep, ranges, None, lattice, Subspace(lattice, 0, 4), marks)
+    parents = np.array([[0, 0, 0, 1, 1, 1]] * 4, np.float32) if stream.quantised else None
+    mark(sweep, ranges, parents, lattice, Subspace(lattice, 0, 4), marks)
     assert marks.any()
     read = {Path(tape.path).name: tape.counts()[0] for tape in sweep.tapes}
     wanted = (2010 - 5) + 40_000 + 10
-    assert read == {"geometry": 0, "boxes": 24 * wanted, "quantised": 0}
+    assert read.pop(name) == width * wanted
+    assert not any(read.values())
 
 
 def test_quantised_boxes_of_another_hierarchy_have_other_marks(tmp_path):
