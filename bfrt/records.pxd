@@ -99,6 +99,13 @@ cdef packed struct Asked:
     uint32_t count
     uint32_t kind
 
+# A ray that has met an object's box, and waits for its geometry.
+cdef packed struct Delayed:
+    uint64_t id
+    int64_t first   # the object's record, or the first of a polygon's vertices
+    uint32_t count  # records or vertices
+    uint32_t ray    # its place among those in flight
+
 cdef packed struct Crossing:
     double t
     uint64_t id

@@ -91,6 +91,7 @@ ASKED = np.dtype(
     ]
 )
 CROSSING = np.dtype([("t", "<f8"), ("id", "<u8"), ("ray", "<u4"), ("unused", "<u4")])
+DELAYED = np.dtype([("id", "<u8"), ("first", "<i8"), ("count", "<u4"), ("ray", "<u4")])
 MATERIAL = np.dtype(
     [
         ("red", "<f4"),
@@ -117,6 +118,7 @@ QUEUED_BYTES = 72
 HIT_BYTES = 88
 ASKED_BYTES = 88
 CROSSING_BYTES = 24
+DELAYED_BYTES = 24
 CANDIDATE_BYTES = 8
 MATERIAL_BYTES = 32
 PARENT_BYTES = 32
@@ -147,6 +149,7 @@ for _dtype, _bytes in (
     (HIT, HIT_BYTES),
     (ASKED, ASKED_BYTES),
     (CROSSING, CROSSING_BYTES),
+    (DELAYED, DELAYED_BYTES),
     (MATERIAL, MATERIAL_BYTES),
     (PARENT, PARENT_BYTES),
 ):

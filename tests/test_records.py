@@ -33,6 +33,7 @@ TWINS = {
     "Queued": (records.QUEUED, 72),
     "Hit": (records.HIT, 88),
     "Asked": (records.ASKED, 88),
+    "Delayed": (records.DELAYED, 24),
     "Crossing": (records.CROSSING, 24),
     "Material": (records.MATERIAL, 32),
     "Parent": (records.PARENT, 32),

@@ -2,7 +2,8 @@
 
 Objects are looked at eight at a time. Where few rays wait in the voxels of the eight, these are
 gathered once and each is tested against the eight boxes; where many do, each object looks for its
-own, and its box is tested against those in lanes.
+own, and its box is tested against those in lanes. Rays that meet a box are tested against the
+object at once where its geometry is at hand; otherwise they wait for it (delays.pxd).
 """
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
@@ -19,11 +20,16 @@ from bfrt.geometry.quantised cimport coded_union
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport Vec, vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
+from bfrt.phases.delays cimport (
+    Delays, ask_piece, delay, end_delays, full, piece_end, turn,
+)
 from bfrt.phases.nearby cimport Near, entries_within
-from bfrt.phases.nearest cimport nearer
+from bfrt.phases.nearest cimport nearer, ray_line
 from bfrt.phases.voxel_rays cimport VoxelRays
-from bfrt.records cimport INDEX_BITS, Crossing, Ray
-from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, decode, fetch
+from bfrt.records cimport INDEX_BITS, POLYGON, Crossing, Delayed, Ray
+from bfrt.scene.sweep cimport (
+    Sweep, advance_block, advance_to, decode, fetch, records_of, want_records,
+)
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -50,14 +56,13 @@ cdef struct Search:
     Sides sides
     Ray* rays
     void* sweep            # a Sweep
+    void* delays           # Delays, or NULL where geometry is at hand
     GrownEight grown       # the boxes of the sweep's block
     Voxels voxels          # theirs
     Near near
     uint64_t id
     int place              # of the object in the block
     Grown box
-    Grown own              # the object's own box, where the other is quantised
-    bint degenerate        # and whether it has none
     Range region           # the object's voxels
     Shape shape
     bint loaded
@@ -72,83 +77,117 @@ cdef struct Search:
     int64_t object_tests
 
 
-cdef int cross_pending(Search* s) except -1 nogil:
-    """Keep all hits."""
-    cdef int i
-    cdef Meeting* m
-    for i in range(s.pending):
-        m = &s.meetings[i]
-        cross(s.found, &s.shape, m, s.rays[m.mark].t, s.id)
-    return 0
-
-
-cdef int load(Search* s, Sweep w) except -1 nogil:
-    """Fetch the object's geometry; where its box is quantised, work that out as it was."""
-    cdef const unsigned char* record = fetch(w, s.place)
-    cdef bint whole = shape_load(w.kind, record, w.count, &w.frame, &s.shape)
-    cdef Box box
-    s.loaded = True
-    if w.coded:
-        s.degenerate = not whole
-        if whole:
-            shape_bounds(&s.shape, &box)
-            box_grow(&box, s.grid.grow, &s.own)
-    return 0
-
-
-cdef void meet_own_box(Search* s) noexcept nogil:
-    """Of the rays that met the quantised box, keep those that meet the object's own."""
-    cdef int i, n = 0
-    cdef Meeting* m
-    for i in range(s.pending):
-        m = &s.meetings[i]
-        if not s.degenerate and grown_span(&s.own, &m.line, &m.span):
-            if m.span.near <= atomic_load(&s.rays[m.mark].t):
-                s.meetings[n] = m[0]
-                n += 1
-    s.pending = n
-
-
-cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
-    """Intersect the object with the rays that met its box, and keep the nearest hits, or all.
-
-    Its geometry is fetched for the first of them (the paper's refinement G).
-    """
+cdef int meet_shape(Search* s, const Shape* shape, uint64_t id) except -1 nogil:
+    """Intersect an object with the pending rays, and keep the nearest hits, or all."""
     cdef int i
     cdef Meeting* m
     cdef Ray* r
-    if not s.loaded:
-        load(s, w)
-    if w.coded:
-        meet_own_box(s)
     s.object_tests += s.pending
     if s.found != NULL:
-        cross_pending(s)
+        for i in range(s.pending):
+            m = &s.meetings[i]
+            cross(s.found, shape, m, s.rays[m.mark].t, id)
         s.pending = 0
         return 0
-    shape_meet(&s.shape, &s.meetings[0], s.pending)
+    shape_meet(shape, &s.meetings[0], s.pending)
     for i in range(s.pending):
         m = &s.meetings[i]
         r = &s.rays[m.mark]
         if 0.0 <= m.t <= atomic_load(&r.t):
             lock(&r.lock)
-            nearer(r, m.t, s.id)
+            nearer(r, m.t, id)
             unlock(&r.lock)
     s.pending = 0
     return 0
 
 
-cdef inline void wait_for(Search* s, uint32_t ray, Vec inv, double near,
-                          double far) noexcept nogil:
-    """Have a ray that met the box wait for the object."""
+cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
+    """Intersect the object with the rays that met its box."""
+    cdef const unsigned char* record
+    if not s.loaded:
+        s.loaded = True
+        record = fetch(w, s.place)
+        shape_load(w.kind, record, w.count, &w.frame, &s.shape)
+    return meet_shape(s, &s.shape, s.id)
+
+
+cdef int load(Search* s, Sweep w, Delays d, const Delayed* waits, int64_t n) except -1 nogil:
+    """Fetch the geometry that the first of n delayed rays waits for, and the box around it: that
+    of the sweep may be quantised."""
+    cdef int64_t first = waits[0].first
+    cdef Box box
+    if first >= d.known:
+        d.known = piece_end(waits, n, w.geometry.gap // w.stride)
+        want_records(w, first, d.known)
+    w.geometry_read += 1
+    d.loaded = waits[0].id
+    d.degenerate = not shape_load(
+        w.kind, records_of(w, first, waits[0].count), waits[0].count, &w.frame, &d.shape
+    )
+    if not d.degenerate:
+        shape_bounds(&d.shape, &box)
+        box_grow(&box, s.grid.grow, &d.own)
+    return 0
+
+
+cdef inline void meet_own_box(Search* s, Delays d, uint32_t ray) noexcept nogil:
+    """Have a delayed ray wait for the others of its object, if it meets that one's own box."""
     cdef const Ray* r = &s.rays[ray]
     cdef Meeting* m = &s.meetings[s.pending]
+    m.line = ray_line(r)
+    m.mark = ray
+    if not d.degenerate and grown_span(&d.own, &m.line, &m.span):
+        s.pending += m.span.near <= atomic_load(&r.t)
+
+
+cdef int settle_half(Search* s, Sweep w, Delays d, int half) except -1 nogil:
+    """Find the hits of the rays that wait in a half. An object may be the last of the other, too.
+    """
+    cdef const Delayed* waits = &d.halves[half, 0]
+    cdef int64_t i = 0, n = d.count[half]
+    while i < n:
+        if waits[i].id != d.loaded:
+            load(s, w, d, &waits[i], n - i)
+        while i < n and waits[i].id == d.loaded and s.pending < LANES:
+            meet_own_box(s, d, waits[i].ray)
+            i += 1
+        if s.pending:
+            meet_shape(s, &d.shape, d.loaded)
+    return 0
+
+
+cdef int put_off(Search* s, Sweep w, Delays d, uint32_t ray) except -1 nogil:
+    """Have a ray that met the box wait for the object's geometry."""
+    cdef int64_t first = w.first + s.place
+    cdef uint32_t count = 1
+    if full(d):
+        ask_piece(d, w.geometry)
+        settle_half(s, w, d, 1 - d.half)
+        turn(d)
+    if w.kind == POLYGON:
+        first = w.ends[s.place]
+        count = w.ends[s.place + 1] - w.ends[s.place]
+    delay(d, w.geometry, w.stride, s.id, first, count, ray)
+    return 0
+
+
+cdef inline int wait_for(Search* s, Sweep w, uint32_t ray, Vec inv, double near,
+                         double far) except -1 nogil:
+    """Have a ray that met the box wait for the object."""
+    cdef const Ray* r = &s.rays[ray]
+    cdef Meeting* m
+    if s.delays != NULL:
+        return put_off(s, w, <Delays>s.delays, ray)
+    if s.pending == LANES:
+        meet_pending(s, w)
+    m = &s.meetings[s.pending]
     m.line.o = vec(r.ox, r.oy, r.oz)
     m.line.d = vec(r.dx, r.dy, r.dz)
     m.line.inv = inv
     m.span.near, m.span.far = near, far
     m.mark = ray
     s.pending += 1
+    return 0
 
 
 cdef inline void fetch_ray(const Search* s, uint32_t ray) noexcept nogil:
@@ -183,10 +222,8 @@ cdef int meet_box(Search* s, Sweep w) except -1 nogil:
         # What is nearer is culled by >, never by >=: a tie goes to the smaller id.
         if not l.near[i] <= l.far[i] or l.near[i] > s.reach[i]:
             continue
-        if s.pending == LANES:
-            meet_pending(s, w)
         inv = vec(l.inv[0][i], l.inv[1][i], l.inv[2][i])
-        wait_for(s, s.rays_near[i], inv, l.near[i], l.far[i])
+        wait_for(s, w, s.rays_near[i], inv, l.near[i], l.far[i])
     return 0
 
 
@@ -278,7 +315,7 @@ cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
                 # Unless what it met since is nearer.
                 if not few.near[j][i] > atomic_load(&s.rays[s.near.ray[j]].t):
                     inv = vec(few.inv[j][0], few.inv[j][1], few.inv[j][2])
-                    wait_for(s, s.near.ray[j], inv, few.near[j][i], few.far[j][i])
+                    wait_for(s, w, s.near.ray[j], inv, few.near[j][i], few.far[j][i])
             if s.pending:
                 meet_pending(s, w)
     return 0
@@ -307,9 +344,29 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     return meet_few(s, w, n)
 
 
+cdef void begin(Search* s, Sweep sweep, Delays delays, Lattice lattice, Ray[::1] rays) noexcept:
+    s.grid = &lattice.grid
+    sides_of(s.grid, &s.sides)
+    s.rays = &rays[0]
+    s.sweep = <void*>sweep
+    s.delays = <void*>delays if sweep.delays else NULL
+    s.found = NULL
+    s.near.context = s
+    s.gathered = s.pending = 0
+    s.box_tests = s.object_tests = 0
+
+
+cdef void keep_all(Search* s, Found* found, Crossing[::1] crossings, emit) noexcept:
+    """Have all hits kept, where they are wanted."""
+    if crossings is not None:
+        found.crossings, found.n, found.room = &crossings[0], 0, crossings.shape[0]
+        found.emit = <void*>emit
+        s.found = found
+
+
 def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
-              Lattice lattice, VoxelRays voxel_rays, Ray[::1] rays, Crossing[::1] crossings=None,
-              emit=None):
+              Delays delays, Lattice lattice, VoxelRays voxel_rays, Ray[::1] rays,
+              Crossing[::1] crossings=None, emit=None):
     """Test objects of a sweep against the rays stored in their voxels.
 
     Parameters
@@ -319,6 +376,8 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
     parents : (n, 6) float32, optional
         IN. The box around the objects of each run, in which theirs are quantised: those are read
         then. The rays have to be stored by marks of those boxes.
+    delays : Delays
+        IN, OUT: where the sweep reads geometry later, what waits for it, until `settle`.
     rays : (active,) records.RAY
         IN, OUT: t and id become those of the nearest hit. Threads share them.
     crossings : (room,) records.CROSSING, optional
@@ -335,21 +394,13 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
     cdef const Box* parent = NULL
     cdef int64_t k
     cdef int n
-    s.found = NULL
-    if crossings is not None:
-        found.crossings, found.n, found.room = &crossings[0], 0, crossings.shape[0]
-        found.emit = <void*>emit
-        s.found = &found
-    s.grid = &lattice.grid
-    sides_of(s.grid, &s.sides)
-    s.rays = &rays[0]
-    s.sweep = <void*>sweep
-    s.near.context = &s
-    s.gathered = s.pending = 0
-    s.box_tests = s.object_tests = 0
+    if sweep.coded and parents is None:
+        raise ValueError("quantised boxes: found no boxes around them")
+    begin(&s, sweep, delays, lattice, rays)
+    keep_all(&s, &found, crossings, emit)
     with nogil:
         for k in range(ranges.shape[0]):
-            if parents is not None:
+            if sweep.coded:
                 parent = <const Box*>&parents[k, 0]
             advance_to(sweep, ranges, k, parent)
             while sweep.index < ranges[k, 1]:
@@ -358,3 +409,30 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
         if s.found != NULL:
             hand_over(s.found)
     return s.box_tests, s.object_tests
+
+
+def settle(Sweep sweep, Delays delays, Lattice lattice, Ray[::1] rays, Crossing[::1] crossings=None,
+           emit=None):
+    """End a sweep: test what still waits for geometry.
+
+    Parameters
+    ----------
+    delays, rays, crossings, emit
+        As for `intersect`.
+
+    Returns
+    -------
+    object_tests : int
+    """
+    cdef Search s
+    cdef Found found
+    begin(&s, sweep, delays, lattice, rays)
+    keep_all(&s, &found, crossings, emit)
+    with nogil:
+        ask_piece(delays, sweep.geometry)
+        settle_half(&s, sweep, delays, 1 - delays.half)
+        settle_half(&s, sweep, delays, delays.half)
+        end_delays(delays)
+        if s.found != NULL:
+            hand_over(s.found)
+    return s.object_tests

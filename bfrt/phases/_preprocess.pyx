@@ -97,10 +97,12 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
     cdef Sides sides
     cdef int i, n
     cdef int64_t k
+    if sweep.coded and parents is None:
+        raise ValueError("quantised boxes: found no boxes around them")
     sides_of(&lattice.grid, &sides)
     with nogil:
         for k in range(ranges.shape[0]):
-            if parents is not None:
+            if sweep.coded:
                 parent = <const Box*>&parents[k, 0]
             advance_to(sweep, ranges, k, parent)
             while sweep.index < ranges[k, 1]:

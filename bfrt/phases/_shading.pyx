@@ -133,15 +133,14 @@ cdef class Shader:
                 first += block
 
     def shade_picked(self, Sweep sweep, const Hit[::1] hits, bint last):
-        """Shade hits of a sweep's window; only the objects that are hit are read."""
-        cdef int64_t at = 0, index
+        """Shade hits on the objects that the sweep picks: only those are read."""
+        cdef int64_t at = 0
         cdef uint32_t material
         with nogil:
             while at < hits.shape[0]:
-                index = <int64_t>(hits[at].id & ((<uint64_t>1 << INDEX_BITS) - 1))
-                material = pick_material(sweep, index)
+                material = pick_material(sweep)
                 at += self.shade_object(
-                    sweep, pick(sweep, index), material, &hits[at], hits.shape[0] - at, last
+                    sweep, pick(sweep), material, &hits[at], hits.shape[0] - at, last
                 )
 
     cdef int64_t shade_object(self, Sweep sweep, const unsigned char* record, uint32_t material,

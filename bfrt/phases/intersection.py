@@ -7,10 +7,12 @@ near rays.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.phases._intersection import intersect
+from bfrt.phases._intersection import intersect, settle
 from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
 from bfrt.phases.traversal import Flight
 from bfrt.scene.objects import Objects
@@ -40,15 +42,25 @@ def intersect_all(
     tallies: list[tuple[int, int]] = []
     phase = counters.phases.intersection
 
-    def meet(sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
-        crossings = () if flight.crossings is None else flight.crossings.buffer()
-        found = intersect(sweep, ranges, parents, flight.lattice, voxel_rays, rays, *crossings)
+    def crossings() -> tuple[Any, ...]:
+        return () if flight.crossings is None else flight.crossings.buffer()
+
+    def meet(worker: int, sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
+        delays = flight.delays[worker]
+        found = intersect(
+            sweep, ranges, parents, delays, flight.lattice, voxel_rays, rays, *crossings()
+        )
         tallies.append(found)
 
+    def end(worker: int, sweep: Sweep) -> None:
+        delays = flight.delays[worker]
+        tallies.append((0, settle(sweep, delays, flight.lattice, rays, *crossings())))
+
+    last = end if objects.lazy else None
     if selections is None:
-        swept = boxes = sweep_all(objects, meet)
+        swept = boxes = sweep_all(objects, meet, last)
     else:
-        swept = sweep_near(objects, selections, flight.lattice, voxel_rays, meet)
+        swept = sweep_near(objects, selections, flight.lattice, voxel_rays, meet, last)
         boxes = swept + selections.count(phase)
     counters.sweep(boxes, objects)
     phase.swept(objects)

@@ -16,10 +16,11 @@ from bfrt.scene.sweep import Sweep
 from bfrt.streams.parting import gathered, parted
 from bfrt.streams.spool import Spool
 
-#: Objects that are hit, of which a thread takes so many at once.
-PICKED = 2048
+#: Objects that are hit, of which a thread asks for so many at once: up to 16 KB of the page cache
+#: each.
+PICKED = 512
 
-#: Called with a worker's number, its sweep, and the hits [first, last) on objects in its window.
+#: Called with a worker's number, its sweep, and the hits [first, last) on objects that it picks.
 Pick = Callable[[int, Sweep, int, int], None]
 
 
@@ -45,13 +46,11 @@ def each_hit(objects: Objects, ids: NDArray[np.uint64], pick: Pick) -> None:
             a: int,
             b: int,
             starts: NDArray[np.int64] = starts,
-            ranges: NDArray[np.int64] = ranges,
         ) -> None:
-            sweep.material_window(int(ranges[a, 0]), int(ranges[b - 1, 1]))
             pick(worker, sweep, int(starts[a]), int(starts[b]))
 
-        objects.begin(stream)
-        objects.some(stream, ranges, some, together=PICKED)
+        if len(ranges):
+            objects.pick(stream, ranges, some, together=PICKED)
 
 
 def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[tuple[NDArray[Any], bool]]:

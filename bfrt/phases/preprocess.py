@@ -132,7 +132,7 @@ class Marking:
         subspace = Subspace(self._lattice, first, end)
         phase = self._counters.phases.preprocess
 
-        def loop(sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
+        def loop(_: int, sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
             mark(sweep, ranges, parents, self._lattice, subspace, marks)
 
         if self._selections is None:

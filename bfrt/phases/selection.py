@@ -3,6 +3,7 @@ that are near what the pass is about."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -12,7 +13,7 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._selection import Selection
 from bfrt.phases.subspace import Subspace
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.scene.objects import FEWEST, Choose, Objects
+from bfrt.scene.objects import FEWEST, Choose, End, Objects
 from bfrt.scene.store import Stream
 from bfrt.scene.sweep import Sweep
 from bfrt.stats import Phase
@@ -23,17 +24,78 @@ LEVEL_BUFFER = 1 << 16
 
 #: Objects that a thread takes at once, about, and at the most: where many rays are, few objects are
 #: much work.
-TOGETHER = 4096
+TOGETHER = 16384
+
+#: Ranges that are chosen ahead, and have their boxes asked for; and objects, about as many as those
+#: have where a parent has sixteen.
+AHEAD = 8192
+AHEAD_OBJECTS = 1 << 17
+
+#: A range and the box around its objects.
+CHOSEN_BYTES = 2 * 8 + 6 * 4
 
 #: The boxes (n, 6) around the objects of ranges.
 Parents = NDArray[np.float32]
 
-#: Called with a sweep and ranges (n, 2) of its objects, ascending; and with their parents, where
-#: the objects' boxes are quantised in these.
-Loop = Callable[[Sweep, NDArray[np.int64], "Parents | None"], None]
+#: Called with a worker's number, its sweep, and ranges (n, 2) of its objects, ascending; and with
+#: their parents, where the objects' boxes are quantised in these.
+Loop = Callable[[int, Sweep, NDArray[np.int64], "Parents | None"], None]
+
+#: Called with ranges whose boxes will be read.
+Ask = Callable[[NDArray[np.int64]], None]
 
 #: What objects are near: the voxels that hold rays, or those of a subspace.
 Where = VoxelRays | Subspace
+
+
+class Batch:
+    """Ranges of objects that were chosen together.
+
+    Attributes
+    ----------
+    ready : threading.Lock
+        Held while they are being chosen.
+    """
+
+    def __init__(self) -> None:
+        self.ready = threading.Lock()
+        self._ranges = np.empty((AHEAD, 2), np.int64)
+        self._parents = np.empty((AHEAD, 6), np.float32)
+        self.clear()
+
+    def clear(self) -> None:
+        """Have none."""
+        self._taken = 0
+        self._ends = np.zeros(1, np.int64)
+
+    @property
+    def left(self) -> bool:
+        """Whether there are ranges that were not taken."""
+        return self._taken < len(self._ends) - 1
+
+    def fill(
+        self, walk: Selection, lattice: Lattice, where: Where, coded: bool
+    ) -> NDArray[np.int64]:
+        """Choose the next ranges; returns them."""
+        self.clear()
+        parents = self._parents if coded else None
+        n = walk.select(lattice, where, self._ranges, AHEAD_OBJECTS, parents)
+        ranges: NDArray[np.int64] = self._ranges[:n]
+        self._ends = np.append(0, np.cumsum(ranges[:, 1] - ranges[:, 0]))
+        return ranges
+
+    def take(
+        self, objects: int, ranges: NDArray[np.int64], parents: NDArray[np.float32]
+    ) -> NDArray[np.int64]:
+        """Copy the next ranges, of so many objects or a few more, with their parents; returns
+        them."""
+        first = self._taken
+        wanted = self._ends[first] + objects
+        self._taken = min(len(self._ends) - 1, int(np.searchsorted(self._ends, wanted)))
+        n = self._taken - first
+        ranges[:n] = self._ranges[first : self._taken]
+        parents[:n] = self._parents[first : self._taken]
+        return ranges[:n]
 
 
 class Selections:
@@ -42,29 +104,52 @@ class Selections:
     Attributes
     ----------
     parents : (threads, TOGETHER, 6) float32
-        The boxes around the objects of the ranges that each worker chose last.
+        The boxes around the objects of the ranges that each worker took last.
     """
 
     def __init__(self, streams: list[Stream], threads: int) -> None:
         self._ranges = np.empty((threads, TOGETHER, 2), np.int64)
         self.parents = np.empty((threads, TOGETHER, 6), np.float32)
+        self._batches = [Batch(), Batch()]
         self._walks = {s.number: Selection(s, LEVEL_BUFFER) for s in streams if s.levels}
 
-    def begin(self, stream: Stream, lattice: Lattice, where: Where) -> Choose:
+    def begin(self, stream: Stream, lattice: Lattice, where: Where, ask: Ask) -> Choose:
         """Begin a stream's walk to the objects near `where`, which workers take in turns.
 
-        The ranges that a worker chooses are the same memory each time, and so are their `parents`,
-        which there are where boxes are quantised.
+        While one batch of ranges is worked on, another is chosen, by the worker that came to the
+        end of the one before, and its boxes are asked for. The ranges that a worker takes are the
+        same memory each time, and so are their `parents`, which there are where boxes are
+        quantised.
         """
         walk = self._walks[stream.number]
-        walk.rewind()
         objects = chunk_of(stream.count, len(self._ranges), FEWEST, TOGETHER)
+        turn = threading.Lock()
+        now, following = self._batches
+
+        def fill(batch: Batch) -> None:
+            ask(batch.fill(walk, lattice, where, stream.quantised))
 
         def choose(worker: int) -> NDArray[np.int64]:
-            ranges: NDArray[np.int64] = self._ranges[worker]
-            parents = self.parents[worker] if stream.quantised else None
-            return ranges[: walk.select(lattice, where, ranges, objects, parents)]
+            nonlocal now, following
+            turned = False
+            with turn:
+                if not now.left:
+                    with following.ready:
+                        now, following = following, now
+                    following.clear()
+                    turned = now.left and following.ready.acquire()
+                taken = now.take(objects, self._ranges[worker], self.parents[worker])
+                batch = following
+            if turned:
+                try:
+                    fill(batch)
+                finally:
+                    batch.ready.release()
+            return taken
 
+        walk.rewind()
+        now.clear()
+        fill(following)
         return choose
 
     def count(self, phase: Phase) -> int:
@@ -75,13 +160,17 @@ class Selections:
         return sum(c[0] for c in counts)
 
 
-def sweep_all(objects: Objects, loop: Loop) -> int:
+def sweep_all(objects: Objects, loop: Loop, end: End | None = None) -> int:
     """One pass over all objects; returns how many they are."""
 
-    def whole(_: int, sweep: Sweep, first: int, last: int) -> None:
-        loop(sweep, np.array([[first, last]]), None)
+    def whole(worker: int, sweep: Sweep, first: int, last: int) -> None:
+        loop(worker, sweep, np.array([[first, last]]), None)
 
-    return objects.each(whole)
+    for stream in objects.group.streams:
+        objects.sweep(stream, whole)
+        if end is not None:
+            objects.end(stream, end)
+    return sum(stream.count for stream in objects.group.streams)
 
 
 def sweep_near(
@@ -90,6 +179,7 @@ def sweep_near(
     lattice: Lattice,
     where: Where,
     loop: Loop,
+    end: End | None = None,
 ) -> int:
     """One pass over the objects near `where`, by their quantised boxes if there are any; returns
     how many they are."""
@@ -100,8 +190,11 @@ def sweep_near(
         coded = stream.quantised
 
         def meet(worker: int, sweep: Sweep, ranges: NDArray[np.int64], coded: bool = coded) -> None:
-            loop(sweep, ranges, selections.parents[worker, : len(ranges)] if coded else None)
+            parents = selections.parents[worker, : len(ranges)] if coded else None
+            loop(worker, sweep, ranges, parents)
 
-        objects.begin(stream)
-        swept += objects.chosen(stream, selections.begin(stream, lattice, where), meet)
+        ask = objects.begin_chosen(stream)
+        swept += objects.chosen(stream, selections.begin(stream, lattice, where, ask), meet)
+        if end is not None:
+            objects.end(stream, end)
     return swept

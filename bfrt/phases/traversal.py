@@ -24,6 +24,7 @@ from bfrt.phases._traversal import (
     walk,
 )
 from bfrt.phases.crossings import Crossings
+from bfrt.phases.delays import Delays
 from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
@@ -112,6 +113,7 @@ class Flight:
         self._paths = np.empty(capacity, PATH)
         self._order = np.empty(capacity, np.uint32)
         self._left = np.empty(capacity, np.uint32)
+        self.delays = [Delays() for _ in range(workers.threads)]
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
         if crossings is not None:
             crossings.fly(self._rays, self._paths)

@@ -7,7 +7,7 @@ from bfrt.geometry.far cimport Bounds, advance_far
 from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
 from bfrt.geometry.vector cimport Line, along, length, line, vec
 from bfrt.phases.nearest cimport ray_bad
-from bfrt.records cimport INDEX_BITS, NO_HIT, Asked, Ray
+from bfrt.records cimport NO_HIT, Asked, Ray
 from bfrt.scene.sweep cimport Sweep, pick
 
 
@@ -89,7 +89,7 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
 
 
 def surfaces(Sweep sweep, const Asked[::1] hits, float[:, ::1] normals, float[:, ::1] uvs):
-    """The surfaces at hits of a sweep's window; only the objects that are hit are read.
+    """The surfaces at hits on the objects that the sweep picks: only those are read.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def surfaces(Sweep sweep, const Asked[::1] hits, float[:, ::1] normals, float[:,
             h = &hits[i]
             if h.id != id:
                 id = h.id
-                record = pick(sweep, <int64_t>(id & ((<uint64_t>1 << INDEX_BITS) - 1)))
+                record = pick(sweep)
                 shape_load(sweep.kind, record, sweep.count, &sweep.frame, &shape)
             l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
             shape_surface(&shape, &l, h.t, &s)

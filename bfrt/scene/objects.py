@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -26,14 +25,11 @@ Choose = Callable[[int], NDArray[np.int64]]
 #: Called with a worker's number, its sweep, and the ranges in its window.
 ChosenLoop = Callable[[int, Sweep, NDArray[np.int64]], None]
 
+#: Called with a worker's number and its sweep, which has come to its end.
+End = Callable[[int, Sweep], None]
+
 #: The fewest objects worth handing to a thread.
 FEWEST = 128
-
-#: Of objects, the part that is asked for below which they may be lonely, if most are far from the
-#: next, too: the system should not read ahead of those (measured: of a hundredth both ways are as
-#: fast; of a third of that it takes three quarters of the time, of a twentieth one and a half times
-#: as much).
-LONELY = 0.01
 
 
 class Objects:
@@ -67,63 +63,67 @@ class Objects:
     def each(self, loop: Loop) -> int:
         """One pass: call `loop` for all objects, chunk by chunk; returns how many they were."""
         for stream in self.group.streams:
-            self.begin(stream)
-
-            def chunk(worker: int, first: int, last: int, stream: Stream = stream) -> None:
-                sweep = self._sweeps[stream.number][worker]
-                sweep.window(first, last)
-                loop(worker, sweep, first, last)
-
-            self._workers.run(chunk, stream.count, smallest=FEWEST)
+            self.sweep(stream, loop)
         return sum(stream.count for stream in self.group.streams)
 
-    def begin(self, stream: Stream) -> None:
-        """Go back to a stream's first object."""
-        for sweep in self._sweeps[stream.number]:
-            sweep.rewind()
-            sweep.expect(0.0)
+    def sweep(self, stream: Stream, loop: Loop) -> None:
+        """Call `loop` for all objects of a stream, chunk by chunk."""
 
-    def some(self, stream: Stream, ranges: NDArray[np.int64], loop: Loop, *, together: int) -> None:
-        """Call `loop` for ranges (n, 2) of a stream's objects, ascending, and behind those that
-        were swept since `begin`; for up to so many `together`."""
+        def chunk(worker: int, first: int, last: int) -> None:
+            sweep = self._sweeps[stream.number][worker]
+            sweep.window(first, last)
+            loop(worker, sweep, first, last)
 
+        self._begin(stream, asked=False)
+        self._workers.run(chunk, stream.count, smallest=FEWEST)
+
+    def pick(self, stream: Stream, ranges: NDArray[np.int64], loop: Loop, *, together: int) -> None:
+        """Call `loop` for ranges (n, 2) of a stream's objects, one in each, ascending; for up to so
+        many `together`."""
         sweeps = self._sweeps[stream.number]
 
         def chunk(worker: int, first: int, last: int) -> None:
-            sweeps[worker].window(int(ranges[first, 0]), int(ranges[last - 1, 1]))
+            sweeps[worker].picks(ranges[first:last])
             loop(worker, sweeps[worker], first, last)
 
-        if len(ranges):
-            _expect(sweeps, stream, ranges)
-            self._workers.run(chunk, len(ranges), largest=together)
+        self._begin(stream, asked=True)
+        self._workers.run(chunk, len(ranges), largest=together)
 
     def chosen(self, stream: Stream, choose: Choose, loop: ChosenLoop) -> int:
         """Have each worker choose ranges of a stream's objects and call `loop` for them, until
-        there are none; returns how many objects they were.
-
-        They choose in turn, so that ranges ascend; when one has failed, no other does.
-        """
+        there are none; returns how many objects they were."""
         sweeps = self._sweeps[stream.number]
-        turn = threading.Lock()
-        swept, over = 0, False
+        swept = [0] * len(sweeps)
 
         def step(worker: int) -> bool:
-            nonlocal swept, over
-            with turn:
-                if over:
-                    return False
-                over = True  # unless there is more, and no error
-                ranges = choose(worker)
-                if not len(ranges):
-                    return False
-                swept += _expect(sweeps[worker : worker + 1], stream, ranges)
-                over = False
-            sweeps[worker].window(int(ranges[0, 0]), int(ranges[-1, 1]))
-            loop(worker, sweeps[worker], ranges)
-            return True
+            ranges = choose(worker)
+            if len(ranges):
+                swept[worker] += int((ranges[:, 1] - ranges[:, 0]).sum())
+                sweeps[worker].window(int(ranges[0, 0]), int(ranges[-1, 1]))
+                loop(worker, sweeps[worker], ranges)
+            return len(ranges) > 0
 
         self._workers.repeat(step)
-        return swept
+        return sum(swept)
+
+    def begin_chosen(self, stream: Stream) -> Callable[[NDArray[np.int64]], None]:
+        """Go back to a stream's first object, to sweep what is chosen; returns what has the system
+        begin to read the boxes of ranges that will be."""
+        self._begin(stream, asked=True)
+        return self._sweeps[stream.number][0].ask
+
+    def _begin(self, stream: Stream, asked: bool) -> None:
+        for sweep in self._sweeps[stream.number]:
+            sweep.rewind(asked)
+
+    def end(self, stream: Stream, last: End) -> None:
+        """Have each worker call `last` for its sweep of a stream."""
+
+        def step(worker: int) -> bool:
+            last(worker, self._sweeps[stream.number][worker])
+            return False
+
+        self._workers.repeat(step)
 
     def counts(self) -> tuple[int, int]:
         """Bytes read and seeks since the last call."""
@@ -134,14 +134,3 @@ class Objects:
     def geometry_read(self) -> int:
         """Objects whose geometry was read since the last call."""
         return sum(sweep.counts() for sweeps in self._sweeps.values() for sweep in sweeps)
-
-
-def _expect(sweeps: list[Sweep], stream: Stream, ranges: NDArray[np.int64]) -> int:
-    """Have sweeps know how far apart those ranges are; returns how many objects they have."""
-    asked = int((ranges[:, 1] - ranges[:, 0]).sum())
-    apart = 0.0
-    if asked < LONELY * int(ranges[-1, 1] - ranges[0, 0]):
-        apart = float(np.median(np.diff(ranges[:, 0]))) / stream.count
-    for sweep in sweeps:
-        sweep.expect(apart)
-    return asked

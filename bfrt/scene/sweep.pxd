@@ -23,25 +23,32 @@ cdef class Sweep:
     cdef readonly tuple tapes
     cdef tuple readers
     cdef Frame frame
-    cdef size_t stride
+    cdef int64_t stride
     cdef readonly bint lazy
+    cdef readonly bint delays  # whether geometry is read later than boxes, and of few objects
+    cdef bint coded        # whether boxes are read quantised, since `rewind`
+    cdef Reader box_reader  # where they are
+    cdef int64_t box_bytes  # and of how many bytes
     cdef int64_t index     # of the next object
     cdef uint32_t vertex   # polygons: where the one before it ends
     cdef int64_t fetched   # of the next object, or vertex, in the geometry
     cdef uint32_t material  # the one, where all have it
     cdef int material_bytes
     cdef int64_t material_at  # the object whose material is read next, by `pick_material`
+    cdef int64_t material_known  # the end of those that it has asked for
     cdef const int64_t[::1] outliers
     cdef Py_ssize_t outlier
     cdef readonly int64_t geometry_read  # objects whose geometry was read
     cdef int64_t wanted    # the end of the ranges whose boxes are being read
-    # The range of objects that `advance_to` came to:
-    cdef bint coded        # whether their boxes are read quantised
-    cdef Coding coding     # and how
+    cdef const int64_t[:, ::1] objects  # that are picked
+    cdef const int64_t[:, ::1] picked   # their records, or vertices: of each where from and to
+    cdef int64_t picking   # of these, the next
+    cdef int64_t known     # the end of records that were asked for
+    cdef Coding coding     # how boxes are quantised in the range that `advance_to` came to
     # The block that `advance_block` came to:
     cdef int64_t first     # its first object
     cdef uint32_t ends[BOXES + 1]  # polygons: where each begins, in vertices, and the last ends
-    cdef const unsigned char* record  # their records, where they lie together, or NULL
+    cdef const unsigned char* record  # their records, but where geometry is read later
     cdef uint32_t count    # vertices of the polygon that `fetch` gave
     cdef Eight eight       # their boxes, once `decode` was called
     cdef const uint8_t* codes  # what these are coded as
@@ -49,7 +56,15 @@ cdef class Sweep:
     cpdef int window(self, int64_t first, int64_t last) except -1
     cdef int64_t end_of(self, int64_t index) except -1
     cpdef int material_window(self, int64_t first, int64_t last) except -1
+    cdef object vertices_of(self, const int64_t[:, ::1] ranges)
     cdef int refuse(self, int64_t vertex) except -1 nogil
+
+
+cdef inline int64_t run_end(const int64_t[:, ::1] ranges, int64_t* k, int64_t gap) noexcept nogil:
+    """Where the ranges end that lie so near each other from range k on; k becomes the last."""
+    while k[0] + 1 < ranges.shape[0] and ranges[k[0] + 1, 0] - ranges[k[0], 1] <= gap:
+        k[0] += 1
+    return ranges[k[0], 1]
 
 
 cdef inline int advance_to(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
@@ -57,109 +72,83 @@ cdef inline int advance_to(Sweep s, const int64_t[:, ::1] ranges, int64_t k,
     """Go forward to the first object of range k, of those in the window; what lies between is
     skipped.
 
-    From there on boxes are read quantised in the parent's, or as they are if that is NULL, all the
-    way through a window in the same way. They are read as far as each range lies near the next, at
-    once and no further.
+    Where boxes are quantised, they are so in the parent's. They are read as far as each range lies
+    near the next, at once and no further.
     """
     cdef int64_t n = max(<int64_t>0, ranges[k, 0] - s.index)
-    cdef int64_t gap
     cdef bint far = ranges[k, 0] >= s.wanted
-    s.coded = parent != NULL
     if s.coded:
         coding_in(parent, &s.coding)
     if far:
         want_boxes(s, s.index)  # what comes before is not read through
-    skip_boxes(s, n)
+    if n > 0:
+        skip(s.box_reader, n * s.box_bytes)
+        if s.kind == SPHERE:
+            s.fetched += n
+        elif s.kind == POLYGON:
+            skip(s.offsets, (n - 1) * OFFSET_BYTES)
     if far:
-        gap = objects_of_gap(s)
-        while k + 1 < ranges.shape[0] and ranges[k + 1, 0] - ranges[k, 1] <= gap:
-            k += 1
-        want_boxes(s, ranges[k, 1])
+        want_boxes(s, run_end(ranges, &k, s.box_reader.gap // s.box_bytes))
     if s.kind == POLYGON and n > 0:
         s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
     s.index += n
     return 0
 
 
-cdef inline int skip_boxes(Sweep s, int64_t n) except -1 nogil:
-    """Leave out n objects' boxes, and where they end, but for the last: `advance_to` takes it."""
-    if n <= 0:
-        return 0
-    if s.coded:
-        skip(s.quantised, n * CODE_BYTES)
-    elif s.boxes is not None:
-        skip(s.boxes, n * BOX_BYTES)
-    else:
-        skip(s.geometry, n * <int64_t>s.stride)
-        s.fetched += n
-    if s.kind == POLYGON:
-        skip(s.offsets, (n - 1) * OFFSET_BYTES)
-    return 0
-
-
-cdef inline int64_t objects_of_gap(Sweep s) noexcept nogil:
-    """How many objects' boxes are read through."""
-    if s.coded:
-        return s.quantised.gap // CODE_BYTES
-    if s.boxes is not None:
-        return s.boxes.gap // BOX_BYTES
-    return s.geometry.gap // <int64_t>s.stride
-
-
 cdef inline void want_boxes(Sweep s, int64_t end) noexcept nogil:
     """Know that boxes up to that object's will be looked at."""
     s.wanted = end
-    if s.coded:
-        want(s.quantised, end * CODE_BYTES)
-    elif s.boxes is not None:
-        want(s.boxes, end * BOX_BYTES)
-    else:
-        want(s.geometry, end * <int64_t>s.stride)
+    want(s.box_reader, end * s.box_bytes)
     if s.offsets is not None:
         want(s.offsets, end * OFFSET_BYTES)
+
+
+cdef inline int want_records(Sweep s, int64_t begin, int64_t end) except -1 nogil:
+    """Go forward to a record (a vertex, of polygons) of the geometry: up to `end` all are read at
+    once, and no further."""
+    if begin < s.fetched:
+        s.refuse(begin)
+    want(s.geometry, s.fetched * s.stride)  # what comes before is not read through
+    skip(s.geometry, (begin - s.fetched) * s.stride)
+    s.fetched = begin
+    want(s.geometry, end * s.stride)
+    return 0
 
 
 cdef inline const unsigned char* records_of(Sweep s, int64_t at, int64_t n) except NULL nogil:
     """The records (vertices, of polygons) [at, at + n) of the geometry."""
     if at < s.fetched:
         s.refuse(at)
-    skip(s.geometry, (at - s.fetched) * <int64_t>s.stride)
+    skip(s.geometry, (at - s.fetched) * s.stride)
     s.fetched = at + n
     return take(s.geometry, n * s.stride)
 
 
-cdef inline const unsigned char* fetch(Sweep s, int i) except NULL nogil:
-    """The record of object i of the block, which stays where it is until the next; `count` too.
-
-    In ascending order. What a lazy sweep does not fetch is not read.
-    """
+cdef inline const unsigned char* fetch(Sweep s, int i) noexcept nogil:
+    """The record of object i of the block, which stays where it is until the next block; `count`
+    too. Not of a sweep that delays."""
     s.geometry_read += s.lazy
     if s.kind == POLYGON:
         s.count = s.ends[i + 1] - s.ends[i]
-    if s.record != NULL:
-        return s.record + i * s.stride
-    if s.kind == POLYGON:
-        return records_of(s, s.ends[i], s.count)
-    return records_of(s, s.first + i, 1)
+    return s.record + i * s.stride
 
 
 cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
     """Come to the next objects, up to `most` and BOXES: their records alone; returns n >= 1.
 
-    A sweep that is not lazy reads all of them; polygons then come one at a time, for their
-    records are not of one size.
+    A sweep that delays only tells where they are. Of others polygons come one at a time, for
+    their records are not of one size.
     """
     cdef int n = <int>(most if most < BOXES else BOXES)
     s.first = s.index
-    s.record = NULL
     if s.kind == POLYGON:
-        n = n if s.lazy else 1
+        n = n if s.delays else 1
         s.ends[0] = s.vertex
         memcpy(&s.ends[1], take(s.offsets, OFFSET_BYTES * n), OFFSET_BYTES * n)
         s.vertex = s.ends[n]
-        if not s.lazy:
+        if not s.delays:
             s.record = records_of(s, s.ends[0], s.ends[1] - s.ends[0])
-    elif s.kind == SPHERE or not s.lazy:
+    elif not s.delays:
         s.record = records_of(s, s.first, n)
     s.geometry_read += 0 if s.lazy else n
     s.index += n
@@ -200,27 +189,23 @@ cdef inline void clear_outliers(Sweep s) noexcept nogil:
 
 cdef inline int advance(Sweep s) except -1 nogil:
     """Come to the next object, and its record."""
-    s.coded = False
     advance_block(s, 1)
     s.record = fetch(s, 0)
     return 0
 
 
-cdef inline const unsigned char* pick(Sweep s, int64_t index) except NULL nogil:
-    """The record of one object of the window, ahead of the last: its geometry alone is read."""
-    cdef uint32_t begin = s.vertex
+cdef inline const unsigned char* pick(Sweep s) except NULL nogil:
+    """The record of the next object of those that were said to be picked; `count` too."""
+    cdef int64_t k = s.picking
+    cdef int64_t begin = s.picked[k, 0]
+    cdef int64_t n = s.picked[k, 1] - begin
+    if begin >= s.known:
+        s.known = run_end(s.picked, &k, s.geometry.gap // s.stride)
+        want_records(s, begin, s.known)
+    s.count = <uint32_t>n
+    s.picking += 1
     s.geometry_read += 1
-    if s.kind != POLYGON:
-        s.index = index + 1
-        return records_of(s, index, 1)
-    if index > s.index:
-        skip(s.offsets, (index - s.index - 1) * OFFSET_BYTES)
-        begin = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
-    s.vertex = (<const uint32_t*>take(s.offsets, OFFSET_BYTES))[0]
-    s.count = s.vertex - begin
-    s.first = index
-    s.index = index + 1
-    return records_of(s, begin, s.count)
+    return records_of(s, begin, n)
 
 
 cdef inline int advance_materials(Sweep s, int n, uint32_t* materials) except -1 nogil:
@@ -242,11 +227,19 @@ cdef inline int advance_materials(Sweep s, int n, uint32_t* materials) except -1
     return 0
 
 
-cdef inline uint32_t pick_material(Sweep s, int64_t index) except? 0xFFFFFFFF nogil:
-    """The material of that object."""
+cdef inline uint32_t pick_material(Sweep s) except? 0xFFFFFFFF nogil:
+    """The material of the object that `pick` takes next."""
     cdef uint32_t material
+    cdef int64_t k = s.picking
+    cdef int64_t index = s.objects[k, 0]
+    cdef bint far = index >= s.material_known
     if s.materials is not None:
+        if far:
+            want(s.materials, s.material_at * s.material_bytes)
         skip(s.materials, (index - s.material_at) * s.material_bytes)
+        if far:
+            s.material_known = run_end(s.objects, &k, s.materials.gap // s.material_bytes)
+            want(s.materials, s.material_known * s.material_bytes)
     s.material_at = index + 1
     advance_materials(s, 1, &material)
     return material

@@ -10,9 +10,21 @@ from libc.stdint cimport int64_t, uint32_t
 from bfrt.geometry.eight cimport BOXES
 from bfrt.geometry.vector cimport vec
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
-from bfrt.streams.reader cimport Reader, take
+from bfrt.streams.reader cimport Reader, skip, take, want
+
+import numpy as np
+
 from bfrt.errors import StoreError
 from bfrt.streams.reader import Tape
+
+
+cdef void ask_runs(Reader reader, const int64_t[:, ::1] ranges, int64_t size) noexcept nogil:
+    """Ask for things of so many bytes: ranges of them, and what is between where that is short."""
+    cdef int64_t begin, k = 0
+    while k < ranges.shape[0]:
+        begin = ranges[k, 0] * size
+        reader.ask(begin, run_end(ranges, &k, reader.gap // size) * size)
+        k += 1
 
 
 @cython.final
@@ -37,7 +49,7 @@ cdef class Sweep:
 
     def __cinit__(self, stream, origin, const int64_t[::1] outliers, size_t capacity, tapes=None,
                   bint lazy=False):
-        cdef size_t largest
+        cdef int64_t largest
         names = ["geometry"]
         self.kind = stream.kind
         self.number = stream.number
@@ -58,6 +70,7 @@ cdef class Sweep:
         self.tapes = tapes or tuple(Tape(stream.path(name)) for name in names)
         largest = self.stride * max(BOXES, stream.largest)
         self.lazy = lazy
+        self.delays = lazy and self.kind != SPHERE
         room = {
             "geometry": max(capacity, largest), "boxes": capacity, "quantised": capacity // 4,
             "offsets": capacity // 8, "materials": capacity // 8,
@@ -74,36 +87,95 @@ cdef class Sweep:
         self.readers = tuple(readers.values())
         self.rewind()
 
-    def rewind(self):
-        """Begin again at the first object."""
-        for reader in self.readers:
-            reader.rewind()
-        self.index = self.vertex = self.outlier = self.fetched = self.wanted = 0
+    def rewind(self, bint asked=False):
+        """Begin again at the first object.
 
-    def expect(self, double apart):
-        """Know how far it mostly is from what is read to the next: a part of the stream."""
+        Parameters
+        ----------
+        asked : bool
+            Whether what is read is asked for before: boxes by `ask`, others by `picks`. Boxes are
+            then those that are quantised, if there are any. Otherwise all are read in order.
+        """
         for reader in self.readers:
-            reader.expect(int(apart * reader.tape.size))
+            reader.rewind(asked or (self.delays and reader is self.geometry))
+        self.index = self.vertex = self.outlier = self.fetched = self.wanted = 0
+        self.coded = asked and self.quantised is not None
+        if self.coded:
+            self.box_reader, self.box_bytes = self.quantised, CODE_BYTES
+        elif self.boxes is not None:
+            self.box_reader, self.box_bytes = self.boxes, BOX_BYTES
+        else:
+            self.box_reader, self.box_bytes = self.geometry, self.stride
+        if self.delays:
+            self.geometry.window(0, self.geometry.tape.size)
+
+    def ask(self, const int64_t[:, ::1] ranges):
+        """Have the system begin to read the boxes of those ranges of objects."""
+        ask_runs(self.box_reader, ranges, self.box_bytes)
+        if self.offsets is not None:
+            ask_runs(self.offsets, ranges, OFFSET_BYTES)
+
+    def picks(self, const int64_t[:, ::1] ranges):
+        """Go forward to objects, ranges of one each, that are going to be picked."""
+        cdef int64_t first = ranges[0, 0], last = ranges[ranges.shape[0] - 1, 1]
+        self.window(first, last)
+        self.material_window(first, last)
+        self.objects = ranges
+        if self.materials is not None:
+            ask_runs(self.materials, ranges, self.material_bytes)
+        self.picked = self.vertices_of(ranges) if self.kind == POLYGON else ranges
+        ask_runs(self.geometry, self.picked, self.stride)
+        self.picking = self.known = 0
+
+    cdef object vertices_of(self, const int64_t[:, ::1] ranges):
+        """Where polygons begin and end, in vertices."""
+        cdef int64_t[:, ::1] out
+        cdef int64_t k, last, index, known = 0
+        cdef bint far
+        found = np.empty((ranges.shape[0], 2), np.int64)
+        out = found
+        ask_runs(self.offsets, ranges, OFFSET_BYTES)
+        for k in range(ranges.shape[0]):
+            index, far = ranges[k, 0], ranges[k, 0] >= known
+            if far:
+                want(self.offsets, self.index * OFFSET_BYTES)
+            if index > self.index:
+                skip(self.offsets, (index - self.index - 1) * OFFSET_BYTES)
+            if far:
+                last = k
+                known = run_end(ranges, &last, self.offsets.gap // OFFSET_BYTES)
+                want(self.offsets, known * OFFSET_BYTES)
+            if index > self.index:
+                self.vertex = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
+            out[k, 0] = self.vertex
+            self.vertex = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
+            out[k, 1] = self.vertex
+            self.index = index + 1
+        return found
 
     cpdef int window(self, int64_t first, int64_t last) except -1:
-        """Go forward to object `first`, to read up to `last` (exclusive)."""
+        """Go forward to object `first`, to read up to `last` (exclusive).
+
+        Where geometry is read later, its reader stays where it is.
+        """
         cdef int64_t begin = first, end = last
         if self.kind == POLYGON:
             begin = self.vertex = self.end_of(first - 1)
             end = self.end_of(last - 1)
-            if begin > end or end * <int64_t>self.stride > self.geometry.tape.size:
+            if begin > end or end * self.stride > self.geometry.tape.size:
                 raise StoreError(
                     f"{self.offsets.tape.path}: objects {first} to {last}: found vertices "
                     f"{begin} to {end}, expected ascending ones that are there"
                 )
             self.offsets.window(first * OFFSET_BYTES, last * OFFSET_BYTES)
-        self.geometry.window(begin * <int64_t>self.stride, end * <int64_t>self.stride)
+        if not self.delays:
+            self.geometry.window(begin * self.stride, end * self.stride)
+            self.fetched = begin
         if self.boxes is not None:
             self.boxes.window(first * BOX_BYTES, last * BOX_BYTES)
         if self.quantised is not None:
             self.quantised.window(first * CODE_BYTES, last * CODE_BYTES)
         self.index = first
-        self.fetched = begin
         self.wanted = 0
         while self.outlier < self.outliers.shape[0] and self.outliers[self.outlier] < first:
             self.outlier += 1
@@ -127,13 +199,14 @@ cdef class Sweep:
         """Polygons whose ends do not ascend would have the reader go back."""
         with gil:
             raise StoreError(
-                f"{self.offsets.tape.path}: objects {self.first} to {self.index}: found a polygon "
-                f"that begins at vertex {vertex}, expected {self.fetched} or more"
+                f"{self.offsets.tape.path}: before object {self.index}: found a polygon that "
+                f"begins at vertex {vertex}, expected {self.fetched} or more"
             )
 
     cpdef int material_window(self, int64_t first, int64_t last) except -1:
         """The same for materials, which only shading reads."""
         self.material_at = first
+        self.material_known = 0
         if self.materials is not None:
             self.materials.window(first * self.material_bytes, last * self.material_bytes)
         return 0

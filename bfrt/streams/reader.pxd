@@ -16,7 +16,7 @@ cdef class Tape:
     cdef readonly object path
     cdef readonly int64_t size
     cdef int fd
-    cdef bint lonely       # the system has been told not to read ahead
+    cdef bint asked        # what is read is asked for: the system was told not to read ahead
     cdef int64_t last_end
     cdef int64_t bytes_read
     cdef int64_t seeks
@@ -41,6 +41,7 @@ cdef class Reader:
     cdef int read_more(self, size_t wanted) except -1 nogil
     cdef int jump(self, int64_t n) except -1 nogil
     cdef int pass_over(self, int64_t n) except -1 nogil
+    cdef void ask(self, int64_t begin, int64_t end) noexcept nogil
 
 
 cdef inline void want(Reader r, int64_t end) noexcept nogil:

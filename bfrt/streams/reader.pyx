@@ -5,8 +5,9 @@ there is one). A short read is not the end of the file, and an interrupted one i
 
 A gap is read through where that is cheaper than to seek over it. After a seek reads begin small
 and double while they go on, so that a lonely record does not cost a whole buffer; but where a
-caller knows what is wanted (`want`), just that is read, at once. Where nearly all records are
-lonely, the system is told not to read ahead, and reads begin with a page.
+caller knows what is wanted (`want`), just that is read, at once. Who knows it before it is needed
+asks for it (`ask`): many requests are then under way together, and the system is told not to read
+ahead by itself.
 """
 
 cimport cython
@@ -31,23 +32,23 @@ cdef extern from *:
         (void)fd; (void)offset; (void)n; /* the system's own read-ahead has to do */
     #endif
     }
-    static inline void bfrt_advise(int fd, int lonely) {
+    static inline void bfrt_advise(int fd, int asked) {
     #ifdef POSIX_FADV_RANDOM
-        (void)posix_fadvise(fd, 0, 0, lonely ? POSIX_FADV_RANDOM : POSIX_FADV_NORMAL);
+        (void)posix_fadvise(fd, 0, 0, asked ? POSIX_FADV_RANDOM : POSIX_FADV_NORMAL);
     #else
-        (void)fd; (void)lonely;
+        (void)fd; (void)asked;
     #endif
     }
     """
     void prefetch "bfrt_prefetch"(int fd, int64_t offset, int64_t n) noexcept nogil
-    void advise "bfrt_advise"(int fd, int lonely) noexcept nogil
+    void advise "bfrt_advise"(int fd, int asked) noexcept nogil
     ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
 
 cdef enum:
     PAGE = 4096
     MOST = 1 << 30  # bytes of one read: some systems refuse those of 2^31 and more
     GAP = 1 << 16   # bytes that are read through: a seek costs as much as 30 to 100 KB of reading
-    LONELY = 1 << 14  # bytes apart from which on reading a page each is faster than reading all
+    ASKED_GAP = 1 << 14  # where many requests are under way, a request costs as much as so many
 
 
 @cython.final
@@ -112,24 +113,21 @@ cdef class Reader:
     def __dealloc__(self):
         PyMem_RawFree(self.buffer)
 
-    def rewind(self):
-        """Begin a new sweep of the file, with an empty window at its start."""
+    def rewind(self, bint asked=False):
+        """Begin a new sweep of the file, with an empty window at its start.
+
+        Parameters
+        ----------
+        asked : bool
+            Whether what is read is asked for before.
+        """
         self.at = self.end = self.buffer
         self.position = self.stop = self.wanted = 0
+        self.gap = ASKED_GAP if asked else GAP
         self.span = self.least
-
-    def expect(self, int64_t apart):
-        """Know how many bytes it mostly is from one thing that is read to the next.
-
-        A reader that is not sparse has nothing to know.
-        """
-        cdef bint lonely = apart > LONELY
-        if self.sparse:
-            self.gap = PAGE if lonely else GAP
-            self.least = self.span = min(self.capacity, <size_t>self.gap)
-            if lonely != self.tape.lonely:
-                advise(self.tape.fd, lonely)
-                self.tape.lonely = lonely
+        if asked != self.tape.asked:
+            advise(self.tape.fd, asked)
+            self.tape.asked = asked
 
     cpdef int window(self, int64_t begin, int64_t stop) except -1:
         """Go forward to `begin`, to read up to `stop` and not a byte beyond.
@@ -181,6 +179,10 @@ cdef class Reader:
             self.at += step
             n -= step
         return 0
+
+    cdef void ask(self, int64_t begin, int64_t end) noexcept nogil:
+        """Have the system begin to read what will be wanted."""
+        prefetch(self.tape.fd, begin, end - begin)
 
     cdef const unsigned char* refill(self, size_t n) except NULL nogil:
         """Read until n bytes are there, and as many more as the buffer holds and are wanted."""

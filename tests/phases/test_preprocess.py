@@ -116,15 +116,19 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
         writer.append(kind, corners if kind == Kind.TRIANGLE else corners[:, :4].copy())
     (stream,) = bfrt.open(tmp_path / "a.bfrt").streams
     sweep = Sweep(stream, (0.0,) * 3, np.empty(0, np.int64), 1 << 18, lazy=True)
+    sweep.rewind(asked=True)
     sweep.window(0, 90_020)
     lattice = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
     marks = np.zeros(lattice.layered, np.uint8)
-    ranges = np.array([[5, 10], [2000, 2010], [30_000, 70_000], [90_000, 90_010]])
-    parents = np.array([[0, 0, 0, 1, 1, 1]] * 4, np.float32) if stream.quantised else None
+    gap = (1 << 14) // width  # that is read through
+    b = 10 + gap
+    c = b + 10 + gap + 1
+    ranges = np.array([[5, 10], [b, b + 10], [c, c + 10], [30_000, 70_000], [90_000, 90_010]])
+    parents = np.array([[0, 0, 0, 1, 1, 1]] * 5, np.float32) if stream.quantised else None
     mark(sweep, ranges, parents, lattice, Subspace(lattice, 0, 4), marks)
     assert marks.any()
     read = {Path(tape.path).name: tape.counts()[0] for tape in sweep.tapes}
-    wanted = (2010 - 5) + 40_000 + 10
+    wanted = (b + 10 - 5) + 10 + 40_000 + 10
     assert read.pop(name) == width * wanted
     assert not any(read.values())
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import threading
 import time
 
 import numpy as np
@@ -27,39 +29,30 @@ def ranges_of(count, each):
 def test_chosen_ranges_are_swept_once(objects):
     for stream in objects.group.streams:
         left = iter(np.array_split(ranges_of(stream.count, 7), 30))
+        turn = threading.Lock()
         seen = []
 
-        def choose(_, left=left):
-            return next(left, np.empty((0, 2), np.int64))
+        def choose(_, left=left, turn=turn):
+            with turn:
+                return next(left, np.empty((0, 2), np.int64))
 
         def loop(worker, sweep, ranges, seen=seen):
             seen.extend(i for a, b in ranges.tolist() for i in range(a, b))
 
-        objects.begin(stream)
+        objects.begin_chosen(stream)
         assert objects.chosen(stream, choose, loop) == stream.count
         assert sorted(seen) == list(range(stream.count))
-
-
-def test_who_waits_for_a_turn_that_fails_does_not_take_it(objects):
-    """A walk that has failed is in no state to go on from."""
-    stream = max(objects.group.streams, key=lambda s: s.count)
-    calls = []
-
-    def choose(worker):
-        calls.append(worker)
-        time.sleep(0.05)  # the others wait for their turn meanwhile
-        raise bfrt.StoreError("the first")
-
-    objects.begin(stream)
-    with pytest.raises(bfrt.StoreError, match="the first"):
-        objects.chosen(stream, choose, lambda *_: None)
-    assert len(calls) == 1
 
 
 def test_a_loop_that_fails_ends_the_walk(objects):
     stream = max(objects.group.streams, key=lambda s: s.count)
     left = iter(ranges_of(stream.count, 1).reshape(-1, 1, 2))
+    turn = threading.Lock()
     swept = []
+
+    def choose(_):
+        with turn:
+            return next(left)
 
     def loop(worker, sweep, ranges):
         swept.append(worker)
@@ -67,7 +60,42 @@ def test_a_loop_that_fails_ends_the_walk(objects):
             raise ValueError("the fifth")
         time.sleep(0.001)
 
-    objects.begin(stream)
+    objects.begin_chosen(stream)
     with pytest.raises(ValueError, match="the fifth"):
-        objects.chosen(stream, lambda _: next(left), loop)
+        objects.chosen(stream, choose, loop)
     assert len(swept) < 20
+
+
+def cached(path, first, size):
+    """Whether that part of a file is in the page cache."""
+    with path.open("rb", buffering=0) as file:
+        try:
+            return os.preadv(file.fileno(), [bytearray(size)], first, os.RWF_NOWAIT) == size
+        except BlockingIOError:
+            return False
+
+
+@pytest.mark.skipif(not hasattr(os, "RWF_NOWAIT"), reason="Linux tells what is cached")
+def test_boxes_that_are_asked_for_come(tmp_path):
+    """And what lies between them does not."""
+    with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
+        writer.triangles(np.random.default_rng(1).random((200_000, 3, 3), np.float32))
+    store = bfrt.open(tmp_path / "a.bfrt")
+    (stream,) = store.streams
+    path = stream.path("quantised")
+    with path.open("rb") as file:
+        os.fdatasync(file.fileno())
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+    if cached(path, 6 * 150_000, 4096):
+        pytest.skip("this file system does not drop a file's pages")
+    workers = Workers(1)
+    objects = Objects(store, store.groups[0], workers, 4096, lazy=True)
+    objects.begin_chosen(stream)(np.array([[10, 20], [100_000, 110_000], [150_000, 150_100]]))
+    workers.close()
+    deadline = time.monotonic() + 60
+    for first, size in ((60, 60), (6 * 100_000, 60_000), (6 * 150_000, 600)):
+        while not cached(path, first, size):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+    assert not cached(path, 6 * 50_000, 600)
+    assert not cached(path, 6 * 190_000, 600)

@@ -233,25 +233,11 @@ def test_records_of_two_buffers_are_whole(path):
         assert reader.read(24) == DATA[at : at + 24]
 
 
-@pytest.mark.parametrize(("apart", "read"), [(1 << 14, 1 << 16), ((1 << 14) + 1, PAGE)])
-def test_lonely_records_are_read_by_the_page(tmp_path, apart, read):
-    """Records of 8 bytes, each 20 KB from the next: gaps that are read through, or are not."""
-    path = tmp_path / "records"
-    path.write_bytes(bytes(1 << 20))
-    reader = Reader(Tape(path), 1 << 18, sparse=True)
-    reader.expect(apart)
-    for at in range(0, 10 * 20480, 20480):
-        reader.window(at, at + 8)
-        reader.window(at, at + 4 * PAGE)
-        assert reader.read(8) == bytes(8)
-    bytes_read, seeks = reader.tape.counts()
-    assert seeks == 9
-    assert bytes_read == 10 * min(read, 4 * PAGE)
-
-
-def test_a_reader_of_everything_expects_it(path):
-    reader = Reader(Tape(path), 4 * PAGE)
-    reader.expect(1 << 20)
-    reader.window(0, len(DATA))
+def test_a_rewound_reader_begins_again(path):
+    reader = reader_of(path, 4 * PAGE)
+    assert reader.read(PAGE) == DATA[:PAGE]
+    reader.rewind()
+    with pytest.raises(ShortReadError):
+        reader.read(1)
+    reader.window(0, 8)
     assert reader.read(8) == DATA[:8]
-    assert reader.tape.counts() == (4 * PAGE, 0)

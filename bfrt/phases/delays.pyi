@@ -1,0 +1,4 @@
+DELAYS_BYTES: int
+
+class Delays:
+    def __init__(self) -> None: ...

@@ -1,0 +1,19 @@
+"""Memory for rays that wait for geometry."""
+
+cimport cython
+
+import numpy as np
+
+from bfrt.records import DELAYED, DELAYED_BYTES
+
+#: What one worker's take.
+DELAYS_BYTES = 2 * HALF * DELAYED_BYTES
+
+
+@cython.final
+cdef class Delays:
+    """One worker's rays that wait for geometry, between the calls of a sweep."""
+
+    def __cinit__(self):
+        self.halves = np.empty((2, HALF), DELAYED)
+        end_delays(self)
