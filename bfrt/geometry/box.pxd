@@ -62,14 +62,12 @@ cdef inline void box_between(Box* b, Vec lo, Vec hi) noexcept nogil:
     b.hi[0], b.hi[1], b.hi[2] = above(hi.x), above(hi.y), above(hi.z)
 
 
-cdef inline void box_union(const Box* boxes, int n, Box* all) noexcept nogil:
-    """The box around n boxes, empty ones among them."""
-    cdef int i, k
-    box_clear(all)
-    for i in range(n):
-        for k in range(3):
-            all.lo[k] = boxes[i].lo[k] if boxes[i].lo[k] < all.lo[k] else all.lo[k]
-            all.hi[k] = boxes[i].hi[k] if boxes[i].hi[k] > all.hi[k] else all.hi[k]
+cdef inline void box_add(Box* all, const Box* b) noexcept nogil:
+    """Grow a box around another, that may be empty."""
+    cdef int k
+    for k in range(3):
+        all.lo[k] = b.lo[k] if b.lo[k] < all.lo[k] else all.lo[k]
+        all.hi[k] = b.hi[k] if b.hi[k] > all.hi[k] else all.hi[k]
 
 
 cdef inline bint slab_axis(double lo, double hi, double o, double inv, Span* s) noexcept nogil:

@@ -16,8 +16,8 @@ but where the parent is one point. Who needs to know has the object itself.
 from libc.stdint cimport uint8_t
 from libc.string cimport memcpy
 
-from bfrt.geometry.box cimport Box, above
-from bfrt.geometry.eight cimport SIDES, Eight, eight_empty
+from bfrt.geometry.box cimport Box, above, box_empty
+from bfrt.geometry.eight cimport SIDES, Eight
 
 cdef extern from *:
     """
@@ -43,35 +43,48 @@ cdef extern from *:
         bfrt_eight_end(e, n);
     }
 
-    /* The codes of eight boxes; whether any needs another look: one is empty, or inside, for steps
-       are all but rounded away. One loop over all sides, for what is nested is not vectorized. */
+    /* The same for eight boxes, one after another; `in` is 1 for a side that goes up from the
+       parent's, -1 for one that goes down. */
+    typedef struct {
+        float from[BFRT_SIDES];
+        float step[BFRT_SIDES];
+        float in[BFRT_SIDES];
+    } bfrt_codings;
+
+    static inline void bfrt_codings_of(const bfrt_coding *c, bfrt_codings *all)
+    {
+        for (int i = 0; i < BFRT_BOXES; i++)
+            for (int k = 0; k < 6; k++) {
+                all->from[6 * i + k] = c->from[k];
+                all->step[6 * i + k] = c->step[k];
+                all->in[6 * i + k] = k < 3 ? 1.0f : -1.0f;
+            }
+    }
+
+    /* The codes of the first n of eight boxes; whether any needs another look: one is empty, or
+       inside, for steps are all but rounded away. One loop over all sides, for what is nested is
+       not vectorized. */
     BFRT_CLONES
-    static int bfrt_encode(const bfrt_coding *c, const bfrt_eight *e, uint8_t *code)
+    static int bfrt_encode(const bfrt_codings *c, const float *box, int n, uint8_t *code)
     {
         int32_t steps[BFRT_SIDES];
-        float from[BFRT_SIDES], step[BFRT_SIDES], in[BFRT_SIDES];
-        const float *side = &e->side[0][0];
+        float side[BFRT_SIDES + 3];
         int look = 0;
-        for (int k = 0; k < 6; k++)
-            for (int i = 0; i < BFRT_BOXES; i++) {
-                from[BFRT_BOXES * k + i] = c->from[k];
-                step[BFRT_BOXES * k + i] = c->step[k];
-                in[BFRT_BOXES * k + i] = k < 3 ? 1.0f : -1.0f;
-            }
+        memcpy(side, c->from, sizeof c->from);
+        memset(side + BFRT_SIDES, 0, 3 * sizeof *side);
+        memcpy(side, box, 6 * n * sizeof *side);
         for (int j = 0; j < BFRT_SIDES; j++) {
-            float guess = (side[j] - from[j]) / step[j];
+            float guess = (side[j] - c->from[j]) / c->step[j];
             guess = guess > 0.0f ? guess : 0.0f;
-            int n = (int)(guess < 255.0f ? guess : 255.0f);
-            n -= (from[j] + (float)n * step[j] - side[j]) * in[j] > 0.0f;
-            n = n < 0 ? 0 : n;
-            look |= (from[j] + (float)n * step[j] - side[j]) * in[j] > 0.0f;
-            steps[j] = n;
+            int k = (int)(guess < 255.0f ? guess : 255.0f);
+            k -= (c->from[j] + (float)k * c->step[j] - side[j]) * c->in[j] > 0.0f;
+            k = k < 0 ? 0 : k;
+            look |= (c->from[j] + (float)k * c->step[j] - side[j]) * c->in[j] > 0.0f;
+            look |= (side[j] > side[j + 3]) & (c->in[j] > 0.0f);
+            steps[j] = k;
         }
-        for (int j = 0; j < BFRT_SIDES / 2; j++)
-            look |= side[j] > side[BFRT_SIDES / 2 + j];
-        for (int i = 0; i < BFRT_BOXES; i++)
-            for (int k = 0; k < 6; k++)
-                code[6 * i + k] = (uint8_t)steps[BFRT_BOXES * k + i];
+        for (int j = 0; j < BFRT_SIDES; j++)
+            code[j] = (uint8_t)steps[j];
         return look;
     }
 
@@ -97,7 +110,12 @@ cdef extern from *:
 
     void eight_decoded "bfrt_eight_decoded"(const Coding* c, const uint8_t* code, int n,
                                             Eight* e) noexcept nogil
-    bint encode "bfrt_encode"(const Coding* c, const Eight* e, uint8_t* code) noexcept nogil
+    ctypedef struct Codings "bfrt_codings":
+        pass
+
+    void codings_of "bfrt_codings_of"(const Coding* c, Codings* all) noexcept nogil
+    bint encode "bfrt_encode"(const Codings* c, const float* box, int n,
+                              uint8_t* code) noexcept nogil
     void coded_union "bfrt_coded_union"(const Coding* c, const uint8_t* code, int n,
                                         float* side) noexcept nogil
 
@@ -123,15 +141,16 @@ cdef inline int outside(const Coding* c, int side, float x, int steps) noexcept 
     return steps
 
 
-cdef inline void codes_of(const Coding* c, const Eight* e, int n, uint8_t* code) noexcept nogil:
-    """Code the first n boxes of the parent's, BOXES or fewer."""
+cdef inline void codes_of(const Coding* c, const Codings* all, const float* side, int n,
+                          uint8_t* code) noexcept nogil:
+    """Code n boxes of the parent's, BOXES or fewer, given by their sides."""
     cdef uint8_t own[SIDES]
     cdef int i, k
-    if encode(c, e, own):
+    if encode(all, side, n, own):
         for i in range(n):
             for k in range(6):
-                if eight_empty(e, i):
+                if box_empty(<const Box*>&side[6 * i]):
                     own[6 * i + k] = STEPS
                 else:
-                    own[6 * i + k] = <uint8_t>outside(c, k, e.side[k][i], own[6 * i + k])
+                    own[6 * i + k] = <uint8_t>outside(c, k, side[6 * i + k], own[6 * i + k])
     memcpy(code, own, 6 * n)

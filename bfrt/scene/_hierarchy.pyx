@@ -4,9 +4,9 @@ those."""
 cimport cython
 from libc.stdint cimport int64_t
 
-from bfrt.geometry.box cimport Box, box_clear, box_empty, box_union
-from bfrt.geometry.eight cimport BOXES, Eight, eight_of
-from bfrt.geometry.quantised cimport Coding, codes_of, coding_in
+from bfrt.geometry.box cimport Box, box_add, box_clear, box_empty
+from bfrt.geometry.eight cimport BOXES
+from bfrt.geometry.quantised cimport Coding, Codings, codes_of, codings_of, coding_in
 from bfrt.records cimport Parent
 
 
@@ -33,7 +33,7 @@ cdef class Merger:
         Boxes that are merged into one at the most.
     """
 
-    cdef Box box[2]  # what is merged so far, and the next
+    cdef Box box  # what is merged so far
     cdef double limit
     cdef int64_t most
     cdef int64_t begin
@@ -42,7 +42,7 @@ cdef class Merger:
     def __cinit__(self, double limit, int64_t most):
         self.limit = limit
         self.most = most
-        box_clear(&self.box[0])
+        box_clear(&self.box)
 
     def merge(self, const float[:, ::1] boxes, Parent[::1] out):
         """Take the next boxes.
@@ -59,30 +59,31 @@ cdef class Merger:
         int
             How many are complete.
         """
-        cdef int64_t i, made = 0
-        cdef Box both
+        cdef int64_t i, begin = self.begin, end = self.end, made = 0
+        cdef Box box = self.box, both
+        cdef const Box* next
         with nogil:
             for i in range(boxes.shape[0]):
-                self.box[1] = (<const Box*>&boxes[i, 0])[0]
-                box_union(&self.box[0], 2, &both)
-                if self.end == 0 or (
-                    area_of(&both) <= self.limit and self.end - self.begin < self.most
-                ):
-                    self.box[0] = both
+                next = <const Box*>&boxes[i, 0]
+                both = box
+                box_add(&both, next)
+                if end == 0 or (area_of(&both) <= self.limit and end - begin < self.most):
+                    box = both
                 else:
-                    (<Box*>&out[made].lox)[0] = self.box[0]
-                    out[made].end = self.end
+                    (<Box*>&out[made].lox)[0] = box
+                    out[made].end = end
                     made += 1
-                    self.begin = self.end
-                    self.box[0] = self.box[1]
-                self.end += 1
+                    begin = end
+                    box = next[0]
+                end += 1
+        self.box, self.begin, self.end = box, begin, end
         return made
 
     def finish(self, Parent[::1] out):
         """Complete the last box; how many that makes."""
         if self.end == 0:
             return 0
-        (<Box*>&out[0].lox)[0] = self.box[0]
+        (<Box*>&out[0].lox)[0] = self.box
         out[0].end = self.end
         return 1
 
@@ -103,15 +104,15 @@ def quantise(const float[:, ::1] boxes, const Parent[::1] parents, int64_t first
         OUT. As bfrt/geometry/quantised.pxd has them.
     """
     cdef Coding coding
-    cdef Eight eight
+    cdef Codings all
     cdef int64_t end, i = 0, k
     cdef int n
     with nogil:
         for k in range(parents.shape[0]):
             coding_in(<const Box*>&parents[k].lox, &coding)
+            codings_of(&coding, &all)
             end = min(parents[k].end - first, boxes.shape[0])
             while i < end:
                 n = <int>min(<int64_t>BOXES, end - i)
-                eight_of(&boxes[i, 0], n, &eight)
-                codes_of(&coding, &eight, n, &codes[i, 0])
+                codes_of(&coding, &all, &boxes[i, 0], n, &codes[i, 0])
                 i += n
