@@ -21,7 +21,7 @@ import numpy as np
 from bfrt.errors import BudgetError, SettingError
 from bfrt.phases.delays import DELAYS_BYTES
 from bfrt.phases.partition import LOWER_BITS, Limits, Partition, partition_of
-from bfrt.phases.selection import AHEAD, CHOSEN_BYTES, LEVEL_BUFFER, TOGETHER
+from bfrt.phases.selection import AHEAD, CHOSEN_BYTES, LEVEL_BUFFER
 from bfrt.records import (
     AOV_BYTES,
     CANDIDATE_BYTES,
@@ -223,7 +223,7 @@ def fixed_bytes(store: Store, threads: int) -> int:
     buffers = len(store.streams) * threads * (READ_BUFFER * 10 // 4 + largest)
     outgoing = threads * (emit_room(len(store.lights)) * QUEUED_BYTES + DELAYS_BYTES)
     levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER
-    levels += len(store.groups) * (2 * AHEAD + threads * TOGETHER) * CHOSEN_BYTES
+    levels += len(store.groups) * (2 + threads) * AHEAD * CHOSEN_BYTES
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
     return BASELINE + buffers + levels + outgoing + palette
 

@@ -16,6 +16,7 @@ MATERIAL        32  a material of the palette
 PARENT          32  a box of a hierarchy's level: around its children, and where they end
 ASKED           88  a HIT whose path tells of a ray that somebody asks about
 CROSSING        24  a place where a ray in flight crosses an object
+DELAYED         24  a ray in flight that has met a box, and waits for the object's geometry
 ===========  =====  ==========================================================================
 """
 

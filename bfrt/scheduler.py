@@ -95,7 +95,7 @@ class Tracer:
         with counters.phases.preprocess.timed():
             for field in self.fields:
                 field.preprocess(fresh_marks, counters)
-        self._flight = Flight(capacities.rays, workers, crossings)
+        self._flight = Flight(capacities.rays, capacities.candidates, workers, crossings)
         self._entered: Field | None = None
         several = len(self.fields) > 1
         room = capacities.hits if several else 0

@@ -167,11 +167,13 @@ cdef extern from *:
     }
 
     /* Where a line, from t = 0 on, is inside each of eight boxes that are not empty: near > far
-       for nowhere. */
+       for nowhere. Returns, as bits, those that it comes into no later than at `reach`. */
     BFRT_CLONES
-    static void bfrt_eight_span(const bfrt_grown_eight *g, const double *o, const double *d,
-                                double *inv, double *near, double *far)
+    static unsigned bfrt_eight_span(const bfrt_grown_eight *g, const double *o, const double *d,
+                                    double reach, double *inv, double *near, double *far)
     {
+        uint8_t met[BFRT_BOXES];
+        uint64_t all;
         for (int i = 0; i < BFRT_BOXES; i++) {
             near[i] = 0.0;
             far[i] = INFINITY;
@@ -192,6 +194,10 @@ cdef extern from *:
                 far[i] = out < far[i] ? out : far[i];
             }
         }
+        for (int i = 0; i < BFRT_BOXES; i++)
+            met[i] = (near[i] <= far[i]) & (near[i] <= reach);
+        memcpy(&all, met, sizeof all);
+        return (unsigned)(all * 0x0102040810204080u >> 56); /* a byte's lowest bit each */
     }
     """
     enum:
@@ -226,8 +232,9 @@ cdef extern from *:
         double side[6][8]
 
     void eight_grow "bfrt_eight_grow"(const Eight* e, double grow, GrownEight* g) noexcept nogil
-    void eight_span "bfrt_eight_span"(const GrownEight* g, const double* o, const double* d,
-                                      double* inv, double* near, double* far) noexcept nogil
+    unsigned int eight_span "bfrt_eight_span"(const GrownEight* g, const double* o, const double* d,
+                                              double reach, double* inv, double* near,
+                                              double* far) noexcept nogil
 
 
 cdef inline void eight_clear(Eight* e, int i) noexcept nogil:

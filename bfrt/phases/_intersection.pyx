@@ -25,7 +25,7 @@ from bfrt.phases.delays cimport (
 )
 from bfrt.phases.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer, ray_line
-from bfrt.phases.voxel_rays cimport VoxelRays
+from bfrt.phases.voxel_rays cimport VoxelRays, lowest_bit
 from bfrt.records cimport INDEX_BITS, POLYGON, Crossing, Delayed, Ray
 from bfrt.scene.sweep cimport (
     Sweep, advance_block, advance_to, decode, fetch, records_of, want_records,
@@ -39,6 +39,9 @@ cdef extern from *:
     """
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
     int ones "bfrt_ones"(unsigned int bits) noexcept nogil
+
+cdef enum:
+    SOON = 8  # delayed rays: so long before it is looked at, each is fetched
 
 # The few rays that are near a block of objects: which regions each enters, where it is inside the
 # boxes, and of each object the rays that meet its box.
@@ -75,6 +78,12 @@ cdef struct Search:
     Found* found           # all hits are wanted, or NULL: the nearest
     int64_t box_tests
     int64_t object_tests
+
+
+cdef inline void fetch_ray(const Search* s, uint32_t ray) noexcept nogil:
+    """Have a ray fetched from memory, which is on two lines of it, while others are looked at."""
+    prefetch(&s.rays[ray].ox)
+    prefetch(&s.rays[ray].t)
 
 
 cdef int meet_shape(Search* s, const Shape* shape, uint64_t id) except -1 nogil:
@@ -149,6 +158,7 @@ cdef int settle_half(Search* s, Sweep w, Delays d, int half) except -1 nogil:
         if waits[i].id != d.loaded:
             load(s, w, d, &waits[i], n - i)
         while i < n and waits[i].id == d.loaded and s.pending < LANES:
+            fetch_ray(s, waits[min(i + SOON, n - 1)].ray)
             meet_own_box(s, d, waits[i].ray)
             i += 1
         if s.pending:
@@ -188,12 +198,6 @@ cdef inline int wait_for(Search* s, Sweep w, uint32_t ray, Vec inv, double near,
     m.mark = ray
     s.pending += 1
     return 0
-
-
-cdef inline void fetch_ray(const Search* s, uint32_t ray) noexcept nogil:
-    """Have a ray fetched from memory, which is on two lines of it, while others are looked at."""
-    prefetch(&s.rays[ray].ox)
-    prefetch(&s.rays[ray].t)
 
 
 cdef int meet_box(Search* s, Sweep w) except -1 nogil:
@@ -282,6 +286,7 @@ cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
     """Test each ray against the eight boxes, and note which of the n objects it meets."""
     cdef const Ray* r
     cdef double t
+    cdef unsigned int met
     cdef int i, j
     for i in range(n):
         f.count[i] = 0
@@ -291,11 +296,14 @@ cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
         if t < 0.0:  # a shadow ray that has met something already
             continue
         s.box_tests += ones(f.which[j])
-        eight_span(&s.grown, &r.ox, &r.dx, &f.inv[j][0], &f.near[j][0], &f.far[j][0])
-        for i in range(n):
-            if f.which[j] >> i & 1 and f.near[j][i] <= f.far[j][i] and f.near[j][i] <= t:
-                f.met[i][f.count[i]] = <uint8_t>j
-                f.count[i] += 1
+        met = f.which[j] & eight_span(
+            &s.grown, &r.ox, &r.dx, t, &f.inv[j][0], &f.near[j][0], &f.far[j][0]
+        )
+        while met:
+            i = lowest_bit(met)
+            met &= met - 1
+            f.met[i][f.count[i]] = <uint8_t>j
+            f.count[i] += 1
 
 
 cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
@@ -374,8 +382,8 @@ def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] par
     ranges : (n, 2) int64
         IN. First and end of runs of objects, ascending, in the sweep's window.
     parents : (n, 6) float32, optional
-        IN. The box around the objects of each run, in which theirs are quantised: those are read
-        then. The rays have to be stored by marks of those boxes.
+        IN. The box around the objects of each run, where theirs are quantised. The rays have to be
+        stored by marks of those boxes.
     delays : Delays
         IN, OUT: where the sweep reads geometry later, what waits for it, until `settle`.
     rays : (active,) records.RAY

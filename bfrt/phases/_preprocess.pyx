@@ -86,8 +86,8 @@ def mark(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
     ranges : (n, 2) int64
         IN. First and end of runs of objects, ascending, in the sweep's window.
     parents : (n, 6) float32, optional
-        IN. The box around the objects of each run, in which theirs are quantised: those are read
-        then, and their regions marked.
+        IN. The box around the objects of each run, where theirs are quantised, of which the marks
+        then are.
     marks : (layers, rows, row) uint8
         IN, OUT. The subspace's voxels. Threads may share it.
     """

@@ -27,7 +27,7 @@ class Field:
     Attributes
     ----------
     read : int
-        Bytes that the last pass read.
+        Bytes that a pass reads: the most that one has.
     facts : dict
         What the counters tell of the grid.
     """
@@ -84,19 +84,14 @@ class Field:
         """Take memory for the grid."""
         marks, _ = self._marks(False, Counters())
         self._slabs = Slabs(self._lattice, marks, self._capacities.limits.slab, self._workers)
-        voxel_rays = VoxelRays(
-            self._cut.shape,
-            self._capacities.candidates,
-            self._cut.lower_bits,
-            self._capacities.blocks,
-        )
+        voxel_rays = VoxelRays(self._cut.shape, self._cut.lower_bits, self._capacities.blocks)
         return Ground(self._slabs, voxel_rays, self._outliers)
 
     def intersect(self, flight: Flight, counters: Counters) -> None:
         """One pass over the group's objects."""
         before = counters.phases.intersection.bytes_read
         intersect_all(self.objects, self._selections, flight, counters)
-        self.read = counters.phases.intersection.bytes_read - before
+        self.read = max(self.read, counters.phases.intersection.bytes_read - before)
 
     def close(self) -> None:
         """Close the marks."""

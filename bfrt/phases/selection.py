@@ -74,12 +74,12 @@ class Batch:
         return self._taken < len(self._ends) - 1
 
     def fill(
-        self, walk: Selection, lattice: Lattice, where: Where, coded: bool
+        self, walk: Selection, lattice: Lattice, where: Where, objects: int, coded: bool
     ) -> NDArray[np.int64]:
-        """Choose the next ranges; returns them."""
+        """Choose the next ranges, of about so many objects; returns them."""
         self.clear()
         parents = self._parents if coded else None
-        n = walk.select(lattice, where, self._ranges, AHEAD_OBJECTS, parents)
+        n = walk.select(lattice, where, self._ranges, objects, parents)
         ranges: NDArray[np.int64] = self._ranges[:n]
         self._ends = np.append(0, np.cumsum(ranges[:, 1] - ranges[:, 0]))
         return ranges
@@ -103,13 +103,13 @@ class Selections:
 
     Attributes
     ----------
-    parents : (threads, TOGETHER, 6) float32
+    parents : (threads, AHEAD, 6) float32
         The boxes around the objects of the ranges that each worker took last.
     """
 
     def __init__(self, streams: list[Stream], threads: int) -> None:
-        self._ranges = np.empty((threads, TOGETHER, 2), np.int64)
-        self.parents = np.empty((threads, TOGETHER, 6), np.float32)
+        self._ranges = np.empty((threads, AHEAD, 2), np.int64)
+        self.parents = np.empty((threads, AHEAD, 6), np.float32)
         self._batches = [Batch(), Batch()]
         self._walks = {s.number: Selection(s, LEVEL_BUFFER) for s in streams if s.levels}
 
@@ -117,34 +117,38 @@ class Selections:
         """Begin a stream's walk to the objects near `where`, which workers take in turns.
 
         While one batch of ranges is worked on, another is chosen, by the worker that came to the
-        end of the one before, and its boxes are asked for. The ranges that a worker takes are the
-        same memory each time, and so are their `parents`, which there are where boxes are
-        quantised.
+        end of the one before, and its boxes are asked for. The first are small, so that all
+        workers soon have something to do. The ranges that a worker takes are the same memory each
+        time, and so are their `parents`, which there are where boxes are quantised.
         """
         walk = self._walks[stream.number]
         objects = chunk_of(stream.count, len(self._ranges), FEWEST, TOGETHER)
+        size = objects * len(self._ranges) // 2
         turn = threading.Lock()
         now, following = self._batches
 
         def fill(batch: Batch) -> None:
-            ask(batch.fill(walk, lattice, where, stream.quantised))
+            nonlocal size
+            size = min(2 * size, AHEAD_OBJECTS)
+            ask(batch.fill(walk, lattice, where, size, stream.quantised))
 
         def choose(worker: int) -> NDArray[np.int64]:
             nonlocal now, following
-            turned = False
+            to_fill = None
             with turn:
                 if not now.left:
                     with following.ready:
                         now, following = following, now
                     following.clear()
-                    turned = now.left and following.ready.acquire()
+                    to_fill = following if now.left else None
                 taken = now.take(objects, self._ranges[worker], self.parents[worker])
-                batch = following
-            if turned:
+                if to_fill is not None:
+                    to_fill.ready.acquire()
+            if to_fill is not None:
                 try:
-                    fill(batch)
+                    fill(to_fill)
                 finally:
-                    batch.ready.release()
+                    to_fill.ready.release()
             return taken
 
         walk.rewind()

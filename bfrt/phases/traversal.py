@@ -28,16 +28,17 @@ from bfrt.phases.delays import Delays
 from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.records import HIT, PATH, RAY
+from bfrt.records import CANDIDATE_BYTES, HIT, PATH, RAY, RAY_BYTES
 from bfrt.stats import Counters
 from bfrt.workers import Workers
 
 #: Candidates of a ray in the pass it enters with (measured: 1 to 4 are equally good).
 FIRST_QUOTA = 2
 
-#: Bytes of the scene that are read in about the time that one candidate's tests take (measured on
-#: rings of 17 million objects, with quantised boxes, from disk: 30 take 0.94 of the time of 60).
-BYTES_EACH = 30
+#: Bytes of the scene that are read in about the time that one candidate takes: its walk, its place
+#: in the order, its tests (measured on rings of 17 million objects, from disk: 90 take 0.87 of the
+#: time of 30, 250 take 0.92; balls of 48 million take as long with each).
+BYTES_EACH = 90
 
 #: Rays that enter memory at once, and the fewest worth handing to a thread.
 ADMITTED = 65536
@@ -45,6 +46,9 @@ FEWEST = 512
 
 #: Of memory: with so many rays in it no more are looked for, where that means to read slabs.
 FULL = 0.75
+
+#: A ray's memory, in candidates'.
+RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
 
 #: Rays that a thread looks at together for whether they are complete.
 SETTLED = 8192
@@ -95,21 +99,32 @@ class Ends(NamedTuple):
 class Flight:
     """Rays in flight: what is in memory.
 
+    ::
+
+        RAY RAY RAY ...|                     candidates |
+            active rays                                    the fewer there are, the more each gets
+
     Parameters
     ----------
     capacity : int
         Rays at the most. All memory is taken here.
+    candidates : int
+        Of all rays, when there are so many.
     crossings : Crossings, optional
         What takes all hits of each ray, where not only the nearest is wanted.
     """
 
-    def __init__(self, capacity: int, workers: Workers, crossings: Crossings | None = None) -> None:
+    def __init__(
+        self, capacity: int, candidates: int, workers: Workers, crossings: Crossings | None = None
+    ) -> None:
         self.crossings = crossings
         self.active = 0
         self.bad = 0
         self._quota = FIRST_QUOTA
         self._workers = workers
-        self._rays = np.empty(capacity, RAY)
+        rays = capacity * RAY_WORDS
+        self._memory = np.empty(rays + candidates, np.uint64)
+        self._rays = self._memory[:rays].view(RAY)
         self._paths = np.empty(capacity, PATH)
         self._order = np.empty(capacity, np.uint32)
         self._left = np.empty(capacity, np.uint32)
@@ -129,6 +144,11 @@ class Flight:
     def rays(self) -> NDArray[Any]:
         """The active rays, records.RAY."""
         return self._rays[: self.active]
+
+    @property
+    def _slots(self) -> NDArray[np.uint64]:
+        """What active rays leave of the memory: room for candidates."""
+        return self._memory[self.active * RAY_WORDS :]
 
     def admit(self, queue: Queue, ends: Ends, counters: Counters) -> int:
         """Fill memory from the queue; rays without a candidate are finished, and counted here."""
@@ -183,11 +203,17 @@ class Flight:
         Few in a ray's first pass, for most rays end soon, and twice as many in each that follows;
         no fewer than a pass is worth that reads so many bytes, never more than memory holds. So
         passes grow like a logarithm.
+
+        Parameters
+        ----------
+        read : int
+            Bytes that a pass reads.
         """
+        slots = self._slots
         worth = max(self._quota, read // (BYTES_EACH * self.active))
-        quota = max(1, min(worth, len(self.voxel_rays.slots) // self.active))
+        quota = max(1, min(worth, len(slots) // self.active))
         self._quota *= 2
-        self.voxel_rays.sort(self._walk(0, quota, counters), self._workers)
+        self.voxel_rays.sort(slots, self._walk(0, quota, counters), self._workers)
 
     def _walk(self, base: int, quota: int, counters: Counters) -> int:
         """Walk rays, from `base` on, to their sentinels; returns the candidates found."""
@@ -214,7 +240,7 @@ class Flight:
     ) -> tuple[int, int]:
         """Walk the rays of a slab; those that go on are brought to the end of its part of the
         order. Returns how many they are, and how many slabs on the nearest of those is."""
-        slabs = self._slabs
+        slabs, slots = self._slabs, self._slots
         bricks, first_brick = slabs.load(slab)
         parts: list[tuple[int, int]] = []
         tallies: list[tuple[int, int]] = []
@@ -233,7 +259,7 @@ class Flight:
                 slabs.slab_of,
                 self._left,
                 self.voxel_rays,
-                self.voxel_rays.slots,
+                slots,
                 used,
             )
             parts.append((begin + first, leaving))

@@ -50,8 +50,6 @@ cdef class VoxelRays:
     ----------
     shape : tuple of 3 int
         Voxels an axis.
-    capacity : int
-        Candidates at the most. All memory is taken here.
     bits : int
         An upper voxel is 2^bits voxels a side: 0 for a grid of one level, 1 or 2.
     blocks : int
@@ -59,7 +57,7 @@ cdef class VoxelRays:
         that have but a few, rays are looked through one by one.
     """
 
-    def __cinit__(self, shape, int64_t capacity, int bits=0, int64_t blocks=0):
+    def __cinit__(self, shape, int bits=0, int64_t blocks=0):
         cdef int64_t upper = 0
         cdef int k
         self.bits = bits
@@ -78,7 +76,6 @@ cdef class VoxelRays:
             else:
                 self.level_begin[self.levels] = upper
                 upper += np.prod(size)
-        self.entries = np.empty(capacity, np.uint64)
         self.start = np.empty(self.uppers + 1, np.uint32)
         self.cubes = np.empty(upper, np.uint8)
         self.bucket_bits = 0
@@ -93,16 +90,13 @@ cdef class VoxelRays:
             self.place_bits += 1
         self.places = np.zeros(1 << self.place_bits, np.uint64)
 
-    @property
-    def slots(self):
-        """Where candidates are put before `sort`, (capacity,) uint64."""
-        return np.asarray(self.entries)
-
-    def sort(self, int64_t n, workers):
-        """Put the first n candidates of `slots` into their voxels.
+    def sort(self, uint64_t[::1] slots, int64_t n, workers):
+        """Put candidates into their voxels.
 
         Parameters
         ----------
+        slots : (n or more,) uint64
+            IN, OUT. The candidates, which are sorted where they are, and stay there.
         workers : bfrt.workers.Workers
             Each sorts the candidates of some buckets, each part of the grid small enough for
             its core's cache, sums up some layers of bricks, and fills some blocks.
@@ -116,6 +110,7 @@ cdef class VoxelRays:
         def blocks(_, first, last):
             self.fill_blocks(first, last)
 
+        self.entries = slots
         self.partition(n)
         workers.run(buckets, BUCKETS)
         self.start[self.uppers] = <uint32_t>n

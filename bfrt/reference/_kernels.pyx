@@ -77,7 +77,7 @@ def spans(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
 
 
 def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
-                   const double[:, ::1] directions):
+                   const double[:, ::1] directions, double reach=INFINITY):
     """Where each ray is inside each of up to eight boxes, all of which it meets at once.
 
     Parameters
@@ -88,10 +88,13 @@ def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] 
 
     Returns
     -------
-    (n, 8, 2) float64
+    spans : (n, 8, 2) float64
         near and far; near > far for nowhere.
+    met : (n,) uint8
+        As bits, the boxes that it comes into no later than at `reach`.
     """
     cdef double[:, :, ::1] out = np.empty((origins.shape[0], 2, 8))
+    cdef uint8_t[::1] met = np.empty(origins.shape[0], np.uint8)
     cdef double inv[3]
     cdef Eight eight
     cdef GrownEight grown
@@ -99,10 +102,10 @@ def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] 
     eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
     eight_grow(&eight, grow, &grown)
     for i in range(origins.shape[0]):
-        eight_span(
-            &grown, &origins[i, 0], &directions[i, 0], &inv[0], &out[i, 0, 0], &out[i, 1, 0]
+        met[i] = <uint8_t>eight_span(
+            &grown, &origins[i, 0], &directions[i, 0], reach, &inv[0], &out[i, 0, 0], &out[i, 1, 0]
         )
-    return np.swapaxes(np.asarray(out), 1, 2)
+    return np.swapaxes(np.asarray(out), 1, 2), np.asarray(met)
 
 
 def voxels_of_eight(const float[:, ::1] boxes, Lattice lattice):

@@ -94,7 +94,8 @@ cdef class Sweep:
         ----------
         asked : bool
             Whether what is read is asked for before: boxes by `ask`, others by `picks`. Boxes are
-            then those that are quantised, if there are any. Otherwise all are read in order.
+            then those that are quantised, if there are any. Otherwise all are read in order, but
+            for geometry that is asked for later.
         """
         for reader in self.readers:
             reader.rewind(asked or (self.delays and reader is self.geometry))
@@ -110,10 +111,14 @@ cdef class Sweep:
             self.geometry.window(0, self.geometry.tape.size)
 
     def ask(self, const int64_t[:, ::1] ranges):
-        """Have the system begin to read the boxes of those ranges of objects."""
-        ask_runs(self.box_reader, ranges, self.box_bytes)
-        if self.offsets is not None:
-            ask_runs(self.offsets, ranges, OFFSET_BYTES)
+        """Have the system begin to read the boxes of those ranges of objects.
+
+        That may wait until earlier requests are done.
+        """
+        with nogil:
+            ask_runs(self.box_reader, ranges, self.box_bytes)
+            if self.offsets is not None:
+                ask_runs(self.offsets, ranges, OFFSET_BYTES)
 
     def picks(self, const int64_t[:, ::1] ranges):
         """Go forward to objects, ranges of one each, that are going to be picked."""

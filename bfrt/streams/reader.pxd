@@ -27,7 +27,6 @@ cdef class Reader:
     cdef const unsigned char* end
     cdef unsigned char* buffer
     cdef size_t capacity
-    cdef bint sparse
     cdef int64_t gap       # bytes that are read through
     cdef size_t least      # bytes of a read after a jump
     cdef size_t span       # bytes of the next read: twice the last, up to the capacity

@@ -102,7 +102,6 @@ cdef class Reader:
     def __cinit__(self, Tape tape not None, size_t capacity, bint sparse=False):
         self.tape = tape
         self.capacity = (capacity + PAGE - 1) // PAGE * PAGE
-        self.sparse = sparse
         self.gap = GAP
         self.least = self.span = min(self.capacity, <size_t>GAP) if sparse else self.capacity
         self.buffer = <unsigned char*>PyMem_RawMalloc(self.capacity)

@@ -54,12 +54,14 @@ def test_spans(count):
     origins = rng.integers(-4, 5, size=(300, 3)).astype(float)
     directions = np.where(rng.random((300, 3)) < 0.3, 0.0, units(rng, 300))
     directions[:20, 0] = 5e-324  # of which the inverse is infinite
-    found = _kernels.spans_of_eight(boxes, 0.25, origins, directions)
+    reach = 2.5
+    found, hit = _kernels.spans_of_eight(boxes, 0.25, origins, directions, reach)
     for i, box in enumerate(boxes):
         own = np.tile(box, (len(origins), 1))
         expected = _kernels.spans(own, 0.25, origins, directions)
         met = expected[:, 0] <= expected[:, 1]
         np.testing.assert_array_equal(found[met, i], expected[met])
+        np.testing.assert_array_equal(hit >> i & 1, met & (expected[:, 0] <= reach))
         assert (found[~met, i, 0] > found[~met, i, 1]).all()
         assert 0 < met.sum() < len(met)
 

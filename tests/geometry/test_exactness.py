@@ -19,6 +19,7 @@ from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.partition import partition, resolution
 from bfrt.phases.preprocess import growth, lattice_of
+from bfrt.phases.traversal import Flight
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import HIT, INDEX_BITS, PATH, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
@@ -272,7 +273,7 @@ def test_rule_6_far_origins_are_advanced(tmp_path):
     assert (np.abs(eye["oy"]) < 100).all()
 
 
-def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path):
+def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path, monkeypatch):
     rng = np.random.default_rng(7)
     lattice = Lattice([-1.0] * 3, [1.0] * 3, (9, 10, 11), 1e-9)
     resumed = 0
@@ -287,8 +288,9 @@ def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path):
     store = fast.write(objects, tmp_path / "s.bfrt", origin=ORIGIN)
     rays = rays_of(rng, objects, 30)
     once = fast.nearest(store, *rays, tmp_path)
-    few = replace(fast.ROOMY, rays=len(rays[0]), candidates=len(rays[0]))
-    capacities = fast.limited(few, voxels=20**3)
+    slots = Flight._slots.fget
+    monkeypatch.setattr(Flight, "_slots", property(lambda self: slots(self)[: self.active]))
+    capacities = fast.limited(fast.ROOMY, voxels=20**3)
     many = fast.nearest(store, *rays, tmp_path, capacities)
     np.testing.assert_array_equal(many.ids, once.ids)
     np.testing.assert_array_equal(many.t, once.t)
@@ -309,9 +311,9 @@ def walked(rays, lattice, marks, quota):
     bricks[0, ::64] = marks
     one, used = np.zeros((1, 1, 1), np.int32), np.zeros(1, np.int64)
     order, left = np.zeros(1, np.uint32), np.array([quota], np.uint32)
-    store = VoxelRays(lattice.shape, 8)
+    store, slots = VoxelRays(lattice.shape), np.zeros(8, np.uint64)
     leaving = walk(
-        rays, order, 0, 1, lattice, 0, bricks, 0, one, one[0, 0], left, store, store.slots, used
+        rays, order, 0, 1, lattice, 0, bricks, 0, one, one[0, 0], left, store, slots, used
     )[0]
     assert leaving == 0 and used[0] == quota - left[0]
     return used[0]

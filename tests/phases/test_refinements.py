@@ -129,9 +129,8 @@ def test_a_refinement_that_is_none(tmp_path):
 
 def occupied(shape, voxels):
     """Voxel rays with one candidate in each of some voxels."""
-    rays = VoxelRays(shape, max(1, len(voxels)))
-    rays.slots[: len(voxels)] = np.sort(voxels).astype(np.uint64) << np.uint64(24)
-    rays.sort(len(voxels), Workers(1))
+    rays = VoxelRays(shape)
+    rays.sort(np.sort(voxels).astype(np.uint64) << np.uint64(24), len(voxels), Workers(1))
     return rays
 
 
