@@ -35,7 +35,7 @@ from bfrt.records import (
     RAY_BYTES,
     VOXEL_BITS,
 )
-from bfrt.scene.marks import BRICK_BYTES
+from bfrt.scene.marks import BRICK_BYTES, MARKS_BUFFER
 from bfrt.scene.store import Store
 
 UNITS = {"": 1, "B": 1}
@@ -221,11 +221,12 @@ def fixed_bytes(store: Store, threads: int) -> int:
     """What a render takes whatever the budget is, without frame, rays and grid."""
     largest = max((s.stride * s.largest for s in store.streams), default=0)
     buffers = len(store.streams) * threads * (READ_BUFFER * 10 // 4 + largest)
-    outgoing = threads * (emit_room(len(store.lights)) * QUEUED_BYTES + DELAYS_BYTES)
+    outgoing = emit_room(len(store.lights)) * QUEUED_BYTES
+    each = threads * (outgoing + DELAYS_BYTES + MARKS_BUFFER)
     levels = sum(len(s.levels) for s in store.streams) * LEVEL_BUFFER
     levels += len(store.groups) * (2 + threads) * AHEAD * CHOSEN_BYTES
     palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
-    return BASELINE + buffers + levels + outgoing + palette
+    return BASELINE + buffers + levels + each + palette
 
 
 def grid_bytes(cut: Partition, limits: Limits, blocks: int) -> int:

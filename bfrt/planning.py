@@ -110,11 +110,11 @@ def _grid_plan(
         layers, *rest = layout.bricks
         most = np.full(layers, math.prod(rest), np.int64)
         slabs = len(cuts_of(most, held.limits.slab // BRICK_BYTES)) - 1
-        bricks = cut.bricks
+        size = layout.most_bytes(cut.bricks)
     else:
         marks.close()
         slabs = len(Slabs.cuts(marks, held.limits.slab)) - 1
-        bricks = int(marks.first[-1])
+        size = int(marks.at[-1])
     return GridPlan(
         voxels=cut.shape,
         lower=1 << cut.lower_bits,
@@ -123,7 +123,7 @@ def _grid_plan(
         slabs=slabs,
         slabs_known=marks is not None or slabs == 1,
         marks_there=marks is not None,
-        marks_bytes=layout.data_at + bricks * BRICK_BYTES,
+        marks_bytes=size,
     )
 
 

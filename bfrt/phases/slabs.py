@@ -109,7 +109,7 @@ class Slabs:
                     self._marks.read(layer, self._bricks[i:j])
 
             self._workers.run(layers, last - first)
-            self.bytes_read += (int(self._marks.first[last]) - begin) * BRICK_BYTES
+            self.bytes_read += int(self._marks.at[last] - self._marks.at[first])
             self._resident = slab
         return self._bricks, begin
 

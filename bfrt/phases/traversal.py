@@ -36,9 +36,9 @@ from bfrt.workers import Workers
 FIRST_QUOTA = 2
 
 #: Bytes of the scene that are read in about the time that one candidate takes: its walk, its place
-#: in the order, its tests (measured on rings of 17 million objects, from disk: 90 take 0.87 of the
-#: time of 30, 250 take 0.92; balls of 48 million take as long with each).
-BYTES_EACH = 90
+#: in the order, its tests (measured from disk on rings of 17 million objects: 90 take 0.87 of the
+#: time of 30, 250 take 0.92; on mount of 34 million 90 take 1.1 of the time of 180 or 400).
+BYTES_EACH = 180
 
 #: Rays that enter memory at once, and the fewest worth handing to a thread.
 ADMITTED = 65536

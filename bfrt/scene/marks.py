@@ -1,7 +1,8 @@
 """Voxel marks on disk: made once for a store and a grid, used by every later render.
 
-Marks are kept by bricks of 8 x 8 x 8 voxels, of which those without any mark are left out. The
-bricks of a layer lie together, so that a slab, some layers, is one read::
+Marks are kept by bricks of 8 x 8 x 8 voxels, of which those without any mark are left out, each
+coded by its commonest mark (bfrt/scene/_coding.pyx): a quarter of the bytes or less, for a slab is
+read in every pass of a scene whose grid memory does not hold. The bricks of a layer lie together::
 
     offset  bytes      what
          0      8      magic
@@ -13,9 +14,10 @@ bricks of a layer lie together, so that a slab, some layers, is one read::
         40      4      of which boxes they are: 0, or a checksum of quantised ones
         44      4      CRC-32 of the tables
         48      4      CRC-32 of these 48 bytes
-        52      4 L    the CRC-32 of each layer's bricks
+        52      4 L    the CRC-32 of each layer's bricks, one byte a voxel
+       ...      8 L    bytes that they take as they are coded
        ...      B / 8  a bit for each brick, the first in the highest: whether it is kept
-       ...      512 a brick: one byte a voxel
+       ...             the bricks, coded
 
 Bricks, and voxels in a brick, come in the order of their numbers (bfrt/geometry/grid.pxd); a brick
 at the border of the grid is whole, and its voxels beyond have no marks. Bits 0 to 5 of a voxel are
@@ -37,18 +39,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import StoreError
+from bfrt.errors import ShortReadError, StoreError, StreamError
+from bfrt.scene._coding import MOST_CODED, decode, encode
 from bfrt.scene.store import Group, Store
 from bfrt.streams.aside import aside, put, refused
+from bfrt.streams.reader import Reader, Tape
 
 MAGIC = b"bfrtmark"
-VERSION = 3
+VERSION = 4
 HEADER = struct.Struct("<8sI3IIIQII")
 CRC = struct.Struct("<I")
 
 #: Voxels a side of a brick, and bytes of one.
 BRICK = 8
 BRICK_BYTES = BRICK**3
+
+#: Of each layer, its checksum and size.
+LAYER_BYTES = 4 + 8
+
+#: Bytes of the buffer through which a thread reads a layer.
+MARKS_BUFFER = 1 << 16
+
+#: Bricks that are coded before they are written.
+CODED = 1024
 
 Shape = tuple[int, int, int]
 Bytes = NDArray[np.uint8]
@@ -87,7 +100,11 @@ class Layout(NamedTuple):
     def data_at(self) -> int:
         """Where the first brick begins in the file."""
         bits = -(-math.prod(self.bricks) // 8)
-        return HEADER.size + CRC.size + CRC.size * self.bricks[0] + bits
+        return HEADER.size + CRC.size + LAYER_BYTES * self.bricks[0] + bits
+
+    def most_bytes(self, bricks: int) -> int:
+        """Of a file of so many bricks, at the most."""
+        return self.data_at + bricks * MOST_CODED
 
 
 class Marks:
@@ -101,6 +118,8 @@ class Marks:
         Which bricks are kept: 0 or 1.
     first : ndarray of int64, shape (layers + 1,)
         How many bricks come before each layer's.
+    at : ndarray of int64, shape (layers + 1,)
+        Where each layer begins in the file, and the last ends.
     """
 
     def __init__(
@@ -109,6 +128,7 @@ class Marks:
         layout: Layout,
         occupied: Bytes,
         crcs: NDArray[np.uint32],
+        sizes: NDArray[np.int64],
         file: Path | None = None,
     ) -> None:
         self.path = path
@@ -116,12 +136,11 @@ class Marks:
         self.occupied = occupied
         self.first = np.zeros(len(occupied) + 1, np.int64)
         np.cumsum(occupied.sum(axis=(1, 2)), out=self.first[1:])
+        self.at = np.full(len(sizes) + 1, layout.data_at, np.int64)
+        self.at[1:] += np.cumsum(sizes)
         self._crcs = crcs
         self._checked = np.zeros(len(crcs), np.bool_)
-        try:
-            self._file = (file or path).open("rb", buffering=0)
-        except OSError as error:
-            raise refused(path, 0, error, "reading") from error
+        self._tape = Tape(file or path)
 
     def read(self, number: int, bricks: Bytes) -> None:
         """Read the bricks (n, 512) that are kept of a layer; threads may read at once.
@@ -131,22 +150,20 @@ class Marks:
         StoreError
             If they are damaged: when they are read for the first time.
         """
-        at = self.layout.data_at + int(self.first[number]) * BRICK_BYTES
-        view, done = memoryview(bricks.reshape(-1)).cast("B"), 0
+        reader = Reader(self._tape, MARKS_BUFFER)
+        reader.window(int(self.at[number]), int(self.at[number + 1]))
         try:
-            while done < len(view):
-                got = os.preadv(self._file.fileno(), [view[done:]], at + done)
-                if not got:
-                    raise _damaged(self.path)
-                done += got
-        except OSError as error:
-            raise refused(self.path, at + done, error, "reading") from error
-        if not self._checked[number] and zlib.crc32(view) != self._crcs[number]:
+            decode(reader, bricks)
+        except ShortReadError:
+            raise _damaged(self.path) from None
+        except StreamError as error:
+            raise refused(self.path, error.offset, OSError(error.errno, ""), "reading") from None
+        if not self._checked[number] and zlib.crc32(bricks.data) != self._crcs[number]:
             raise _damaged(self.path)
         self._checked[number] = True
 
     def close(self) -> None:
-        self._file.close()
+        del self._tape
 
 
 def marks_path(store: Store, group: Group, scratch: Path) -> Path:
@@ -169,18 +186,23 @@ class MarksWriter:
     def __init__(self, file: io.FileIO, path: Path, layout: Layout) -> None:
         self.occupied = np.zeros(layout.bricks, np.uint8)
         self.crcs = np.zeros(layout.bricks[0], np.uint32)
+        self.sizes = np.zeros(layout.bricks[0], np.int64)
         self.bytes = layout.data_at
         self.marks: Marks
         self._file, self._path = file, path
         self._layer = 0
+        self._coded = np.empty(CODED * MOST_CODED, np.uint8)
         file.seek(layout.data_at)
 
     def add(self, bricks: Bytes, occupied: Bytes) -> None:
         """The next layer: its bricks (n, 512), and which those are, (rows, bricks of a row)."""
         self.occupied[self._layer] = occupied
         self.crcs[self._layer] = zlib.crc32(bricks.data) if len(bricks) else 0
-        put(self._file, bricks.reshape(-1).data, self._path)
-        self.bytes += bricks.nbytes
+        for first in range(0, len(bricks), CODED):
+            size = encode(bricks[first : first + CODED], self._coded)
+            put(self._file, self._coded[:size].data, self._path)
+            self.sizes[self._layer] += size
+        self.bytes += int(self.sizes[self._layer])
         self._layer += 1
 
 
@@ -191,14 +213,15 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
         writer = MarksWriter(file, path, layout)
         yield writer
         kept = int(writer.occupied.sum())
-        tables = writer.crcs.astype("<u4").tobytes() + np.packbits(writer.occupied).tobytes()
+        tables = writer.crcs.astype("<u4").tobytes() + writer.sizes.astype("<i8").tobytes()
+        tables += np.packbits(writer.occupied).tobytes()
         header = HEADER.pack(
             MAGIC, VERSION, *layout.shape, layout.axis, store.checksum, kept, layout.boxes,
             zlib.crc32(tables),
         )  # fmt: skip
         file.seek(0)
         put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
-        writer.marks = Marks(path, layout, writer.occupied, writer.crcs, temporary)
+        writer.marks = Marks(path, layout, writer.occupied, writer.crcs, writer.sizes, temporary)
 
 
 def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
@@ -221,10 +244,9 @@ def verify_marks(store: Store, group: Group) -> None:
     found = _read_tables(path)
     if found is None:
         return
-    layout, checksum, occupied, crcs = found
-    if checksum != store.checksum:
+    if found[1] != store.checksum:
         raise _damaged(path)
-    marks = Marks(path, layout, occupied, crcs)
+    marks = Marks(path, found[0], *found[2:])
     try:
         for number, n in enumerate(np.diff(marks.first).tolist()):
             marks.read(number, np.empty((n, BRICK_BYTES), np.uint8))
@@ -234,9 +256,9 @@ def verify_marks(store: Store, group: Group) -> None:
 
 def _read_tables(
     path: Path, only: int | None = None
-) -> tuple[Layout, int, Bytes, NDArray[np.uint32]] | None:
-    """Layout, the store's checksum, occupied bricks and checksums; None where there is no file,
-    or where `only` one version is asked for and it has another."""
+) -> tuple[Layout, int, Bytes, NDArray[np.uint32], NDArray[np.int64]] | None:
+    """Layout, the store's checksum; occupied bricks, checksums and sizes of layers; None where
+    there is no file, or where `only` one version is asked for and it has another."""
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
@@ -250,7 +272,7 @@ def _read_tables(
             if version != VERSION or CRC.unpack(check)[0] != zlib.crc32(header):
                 raise _damaged(path)
             layout = Layout((x, y, z), axis, boxes)
-            if axis > 2 or 0 in layout.shape or size != layout.data_at + kept * BRICK_BYTES:
+            if axis > 2 or 0 in layout.shape or size < layout.data_at:
                 raise _damaged(path)
             tables = file.read(layout.data_at - file.tell())
     except FileNotFoundError:
@@ -261,12 +283,13 @@ def _read_tables(
         raise _damaged(path)
     layers = layout.bricks[0]
     crcs = np.frombuffer(tables, "<u4", layers).astype(np.uint32)
-    bits = np.frombuffer(tables, np.uint8, offset=CRC.size * layers)
+    sizes = np.frombuffer(tables, "<i8", layers, CRC.size * layers).astype(np.int64)
+    bits = np.frombuffer(tables, np.uint8, offset=LAYER_BYTES * layers)
     total = math.prod(layout.bricks)
     occupied = np.unpackbits(bits, count=total).reshape(layout.bricks)
-    if int(occupied.sum()) != kept:
+    if int(occupied.sum()) != kept or size != layout.data_at + int(sizes.sum()):
         raise _damaged(path)
-    return layout, checksum, occupied, crcs
+    return layout, checksum, occupied, crcs, sizes
 
 
 def _damaged(path: Path) -> StoreError:
