@@ -25,11 +25,12 @@ cdef enum:
     WORDS = BRICK_BYTES // 64      # of the mask
     HEAD = BRICK_BYTES // 8 + 1
 
-#: Bytes of a coded brick of which all voxels differ from the common mark but one.
+#: Bytes of a coded brick of which all voxels but one differ from the common mark.
 MOST_CODED = HEAD + BRICK_BYTES - 1
 
 
 cdef uint8_t commonest(const uint8_t* brick) noexcept nogil:
+    """The mark that most voxels of a brick have."""
     cdef int count[256]
     cdef int i, best = 0
     memset(&count[0], 0, sizeof(count))
@@ -91,7 +92,7 @@ def decode(Reader reader, uint8_t[:, ::1] bricks):
     Parameters
     ----------
     reader : Reader
-        Its window begins with them, and has more than they may take or ends with them.
+        Its window holds them, and nothing else.
     bricks : (n, 512) uint8
         OUT.
 

@@ -232,7 +232,7 @@ def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
     StoreError
         If they are there but damaged, as far as the tables and the size show.
     """
-    found = _read_tables(path, VERSION)
+    found = _read_tables(path, verified=False)
     if found is None or found[:2] != (layout, store.checksum):
         return None
     return Marks(path, layout, *found[2:])
@@ -241,7 +241,7 @@ def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
 def verify_marks(store: Store, group: Group) -> None:
     """Check the marks in the store, if there are any."""
     path = store.path / str(group.number) / "marks"
-    found = _read_tables(path)
+    found = _read_tables(path, verified=True)
     if found is None:
         return
     if found[1] != store.checksum:
@@ -255,10 +255,10 @@ def verify_marks(store: Store, group: Group) -> None:
 
 
 def _read_tables(
-    path: Path, only: int | None = None
+    path: Path, *, verified: bool
 ) -> tuple[Layout, int, Bytes, NDArray[np.uint32], NDArray[np.int64]] | None:
     """Layout, the store's checksum; occupied bricks, checksums and sizes of layers; None where
-    there is no file, or where `only` one version is asked for and it has another."""
+    there is no file. One of another version is refused where it is `verified`, and none else."""
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
@@ -267,10 +267,15 @@ def _read_tables(
             if len(check) < CRC.size or header[: len(MAGIC)] != MAGIC:
                 raise _damaged(path)
             _, version, x, y, z, axis, checksum, kept, boxes, tables_crc = HEADER.unpack(header)
-            if version != VERSION and only == VERSION:
+            if version != VERSION and not verified:
                 return None
-            if version != VERSION or CRC.unpack(check)[0] != zlib.crc32(header):
+            if CRC.unpack(check)[0] != zlib.crc32(header):
                 raise _damaged(path)
+            if version != VERSION:
+                raise StoreError(
+                    f"{path}: found marks of version {version}, expected {VERSION}: the next "
+                    "render makes them again"
+                )
             layout = Layout((x, y, z), axis, boxes)
             if axis > 2 or 0 in layout.shape or size < layout.data_at:
                 raise _damaged(path)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import fast
 import numpy as np
+from boxes import boxes_of
 from one_object import meet, outside, rays_through
 from scenes import flat_scene, joined, lattice_scene, random_objects, random_rays, units
 
@@ -407,30 +408,14 @@ def test_rule_10_each_ray_meets_each_box_once(tmp_path):
     free = np.isinf(exhaustive.nearest(store, origins, directions)[0])
     origins, directions = origins[free], directions[free]
     assert len(origins) > 50
-    boxes = boxes_of(store)
     for voxels in (1, 5**3, 20**3, 40**3):
         capacities = fast.limited(fast.ROOMY, voxels=voxels)
-        found = fast.nearest(store, origins, directions, tmp_path, capacities, "sg")
         cut = partition(group.grid_bounds, 1 << 30, capacities.limits)
         lattice = lattice_of(store, group, cut.shape)
-        expected = pairs(lattice, boxes, origins, directions)
-        assert found.counters.box_tests == expected
-        # Quantised boxes are larger, and may be met in several voxels.
-        found = fast.nearest(store, origins, directions, tmp_path, capacities, "sgb")
-        assert expected <= found.counters.box_tests < 2 * expected
-
-
-def boxes_of(store):
-    """All boxes, spheres' too: those of the rays' own test."""
-    parts = []
-    for stream in store.streams:
-        if stream.kind == Kind.SPHERE:
-            table = np.fromfile(stream.path("geometry"), "<f8").reshape(-1, 4)
-            wide = [meet(Kind.SPHERE, row, [[0, 0, 0]], [[1, 0, 0]]).box for row in table]
-            parts.append(np.array(wide))
-        else:
-            parts.append(np.fromfile(stream.path("boxes"), "<f4").reshape(-1, 6))
-    return np.concatenate(parts)
+        for refine in ("sg", "sgb"):
+            boxes = boxes_of(store, quantised=refine == "sgb")
+            found = fast.nearest(store, origins, directions, tmp_path, capacities, refine)
+            assert found.counters.box_tests == pairs(lattice, boxes, origins, directions)
 
 
 def pairs(lattice, boxes, origins, directions):

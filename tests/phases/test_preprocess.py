@@ -8,6 +8,7 @@ from pathlib import Path
 import fast
 import numpy as np
 import pytest
+from boxes import boxes_of
 from scenes import random_objects
 
 import bfrt
@@ -17,8 +18,7 @@ from bfrt.phases.field import Field
 from bfrt.phases.partition import partition_of
 from bfrt.phases.preprocess import lattice_of, layout_of
 from bfrt.phases.subspace import Subspace
-from bfrt.records import PARENT, Kind
-from bfrt.reference import _kernels
+from bfrt.records import Kind
 from bfrt.scene.hierarchy import Hierarchy
 from bfrt.scene.marks import BRICK, BRICK_BYTES, marks_path, open_marks
 from bfrt.scene.sweep import Sweep
@@ -29,38 +29,17 @@ from bfrt.workers import Workers
 FACES = 63
 
 
-def boxes_of(stream, quantised):
-    """All boxes of a stream, as rays meet them."""
-    if stream.kind == Kind.SPHERE:
-        records = np.fromfile(stream.path("geometry"), np.uint8).reshape(stream.count, -1)
-        eights = [records[i : i + 8] for i in range(0, stream.count, 8)]
-        found = [_kernels.sphere_boxes(e, stream.wide, (0.0,) * 3)[: len(e)] for e in eights]
-        return np.concatenate(found)
-    if not quantised:
-        return np.fromfile(stream.path("boxes"), np.float32).reshape(-1, 6)
-    codes = np.fromfile(stream.path("quantised"), np.uint8).reshape(-1, 6)
-    found, begin = [], 0
-    for parent in np.fromfile(stream.path("level1"), PARENT):
-        box = np.array([parent[name] for name in PARENT.names[:6]], np.float32)
-        for first in range(begin, parent["end"], 8):
-            own = codes[first : min(first + 8, parent["end"])]
-            found.append(_kernels.decoded_eight(box, own)[0][: len(own)])
-        begin = parent["end"]
-    return np.concatenate(found)
-
-
 def marked_one_by_one(store, lattice, quantised):
     """By the definition: of a voxel a bit for each of its faces where a box's region begins."""
     marks = np.zeros(lattice.layered, np.uint8)
-    for stream in store.streams:
-        for box in boxes_of(stream, quantised):
-            first, last = lattice.range_of(box)
-            for face in range(6):
-                low, high = list(first), list(last)
-                axis = face % 3
-                low[axis] = high[axis] = first[axis] if face < 3 else last[axis]
-                where = tuple(slice(low[k], high[k] + 1) for k in reversed(lattice.order))
-                marks[where] |= np.uint8(1 << face)
+    for box in boxes_of(store, quantised=quantised):
+        first, last = lattice.range_of(box)
+        for face in range(6):
+            low, high = list(first), list(last)
+            axis = face % 3
+            low[axis] = high[axis] = first[axis] if face < 3 else last[axis]
+            where = tuple(slice(low[k], high[k] + 1) for k in reversed(lattice.order))
+            marks[where] |= np.uint8(1 << face)
     return marks
 
 

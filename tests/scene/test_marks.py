@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
 
 import numpy as np
 import pytest
@@ -209,6 +210,18 @@ def test_a_flipped_bit_is_never_taken(store):
             assert read(path, store) is None
         with pytest.raises(StoreError):
             store.verify()
+
+
+def test_those_of_another_version_are_made_again(store):
+    path = store.path / "0" / "marks"
+    save(path, store)
+    whole = bytearray(path.read_bytes())
+    whole[8] = 3
+    whole[HEADER.size : HEADER.size + 4] = zlib.crc32(whole[: HEADER.size]).to_bytes(4, "little")
+    path.write_bytes(whole)
+    assert read(path, store) is None
+    with pytest.raises(StoreError, match="found marks of version 3, expected 4: the next render"):
+        store.verify()
 
 
 def test_a_folder_in_their_place(store):
