@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bfrt.errors import SceneError, SettingError
@@ -117,6 +117,7 @@ def test_srgb_as_light():
 
 
 @settings(max_examples=80)
+@example(values=[-1.0], ends=(0.0, 2.2250738585e-313), dtype=np.float32)
 @given(
     values=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40),
     ends=st.one_of(st.none(), st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))),
@@ -129,7 +130,8 @@ def test_steps_of_numbers(values, ends, dtype):
     shades = paint(values, color_by="x", colormap="gray", color_range=asked)
     table = linear(colormap("gray"))
     for value, shade in zip(values.tolist(), shades, strict=True):
-        place = min((value - lo) / (hi - lo) * STEPS, 2.0 * STEPS) if hi > lo else 0.0
+        place = (value - lo) / (hi - lo) * STEPS if hi > lo else 0.0
+        place = min(max(place, -1.0), 2.0 * STEPS)  # infinite where the range is almost nothing
         steps = [min(max(math.floor(place * (1 + e)), 0), STEPS - 1) for e in (-1e-14, 1e-14)]
         assert any((shade == table[step]).all() for step in steps)
 
