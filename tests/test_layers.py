@@ -9,7 +9,7 @@ ROOT = Path(__file__).parent.parent / "bfrt"
 
 #: From the ground up; what stands in one line may import from it and from those before.
 LAYERS = [
-    {"errors", "records", "stats", "workers"},
+    {"bits", "errors", "records", "stats", "workers"},
     {"planned"},
     {"geometry"},
     {"streams"},

@@ -8,6 +8,7 @@ object at once where its geometry is at hand; otherwise they wait for it (delays
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
+from bfrt.bits cimport lowest_bit, ones
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
 from bfrt.geometry.eight cimport (
     BOXES, GrownEight, Sides, Voxels, eight_empty, eight_grow, eight_span, eight_union,
@@ -25,7 +26,7 @@ from bfrt.phases.delays cimport (
 )
 from bfrt.phases.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer, ray_line
-from bfrt.phases.voxel_rays cimport VoxelRays, lowest_bit
+from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, POLYGON, Crossing, Delayed, Ray
 from bfrt.scene.sweep cimport (
     Sweep, advance_block, advance_to, decode, fetch, records_of, want_records,
@@ -35,10 +36,8 @@ from bfrt.streams.atomic cimport atomic_load, lock, unlock
 cdef extern from *:
     """
     #define bfrt_prefetch(p) __builtin_prefetch(p)
-    #define bfrt_ones(bits) __builtin_popcount(bits)
     """
     void prefetch "bfrt_prefetch"(const void* p) noexcept nogil
-    int ones "bfrt_ones"(unsigned int bits) noexcept nogil
 
 cdef enum:
     SOON = 8  # delayed rays: so long before it is looked at, each is fetched

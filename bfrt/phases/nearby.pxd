@@ -3,12 +3,13 @@ passed over; and which, gathered a few at a time."""
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
+from bfrt.bits cimport lowest_bit
 from bfrt.geometry.box cimport Box, box_empty
 from bfrt.geometry.grid cimport Grid, Range, rough_range
 from bfrt.geometry.lanes cimport LANES
 from bfrt.phases.voxel_rays cimport (
     BRICK_BITS, CROWD, VoxelRays, block_of, brick_within, brick_word, covering_level, cube_word,
-    entry_face, entry_ray, longest, lower_of, lowest_bit, occupied, upper_at, uppers_of,
+    entry_face, entry_ray, longest, lower_of, occupied, upper_at, uppers_of,
 )
 
 cdef enum:

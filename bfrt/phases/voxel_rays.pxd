@@ -16,6 +16,7 @@ With bits = 0 an upper voxel is a voxel, and nothing has a block.
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
+from bfrt.bits cimport lowest_bit
 from bfrt.geometry.grid cimport Range
 from bfrt.records cimport FACE_BITS, RAY_BITS
 
@@ -25,12 +26,6 @@ cdef enum:
     BUCKETS = 256    # parts of the grid whose voxels and candidates fit a core's cache
     BLOCK_BITS = 24
     CROWD = 12       # the fewest rays of an upper voxel that are worth a block
-
-cdef extern from *:
-    """
-    #define bfrt_lowest_bit(word) __builtin_ctzll(word)
-    """
-    int lowest_bit "bfrt_lowest_bit"(uint64_t word) noexcept nogil
 
 
 cdef class VoxelRays:

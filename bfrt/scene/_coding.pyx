@@ -10,16 +10,9 @@
 from libc.stdint cimport int64_t, uint8_t, uint64_t
 from libc.string cimport memcpy, memset
 
+from bfrt.bits cimport lowest_bit, ones
 from bfrt.geometry.grid cimport BRICK_BYTES
 from bfrt.streams.reader cimport Reader, take
-
-cdef extern from *:
-    """
-    #define bfrt_ones(word) __builtin_popcountll(word)
-    #define bfrt_lowest_bit(word) __builtin_ctzll(word)
-    """
-    int ones "bfrt_ones"(uint64_t word) noexcept nogil
-    int lowest_bit "bfrt_lowest_bit"(uint64_t word) noexcept nogil
 
 cdef enum:
     WORDS = BRICK_BYTES // 64      # of the mask
