@@ -23,7 +23,7 @@ def _exact(stream: Stream, store: Store) -> NDArray[np.float32]:
         return np.fromfile(stream.path("boxes"), np.float32).reshape(-1, 6)
     records = np.fromfile(stream.path("geometry"), np.uint8).reshape(stream.count, -1)
     eights = [records[i : i + 8] for i in range(0, stream.count, 8)]
-    found = [_kernels.sphere_boxes(e, stream.wide, store.origin)[: len(e)] for e in eights]
+    found = [_kernels.sphere_boxes(e, stream.wide, store.origin)[0][: len(e)] for e in eights]
     return np.concatenate(found)
 
 

@@ -1,11 +1,13 @@
 """Sphere: center and radius. A negative radius turns the normal inwards."""
 
-from libc.math cimport fabs, sqrt
+from libc.math cimport INFINITY, fabs, sqrt
 
 from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, number, point
 from bfrt.geometry.eight cimport BOXES, Eight, eight_below, eight_clear, eight_end
-from bfrt.geometry.vector cimport Line, Vec, along, dot, scale, sub, vec
+from bfrt.geometry.vector cimport (
+    Line, Vec, along, dot, larger, scale, smaller, sub, vec,
+)
 
 cdef struct Sphere:
     Vec c
@@ -46,6 +48,23 @@ cdef inline void sphere_boxes(const unsigned char* records, size_t stride, const
         if s[i].r == 0.0:
             eight_clear(e, i)
     eight_end(e, n)
+
+
+cdef inline void sphere_union(const unsigned char* records, size_t stride, const Frame* f, int n,
+                              Box* all) noexcept nogil:
+    """The box around n spheres, one or more, degenerate ones too. It is rounded once, to what it is
+    when each is: of numbers that are not above others, the rounded ones are not, either."""
+    cdef Vec lo = vec(INFINITY, INFINITY, INFINITY)
+    cdef Vec hi = vec(-INFINITY, -INFINITY, -INFINITY)
+    cdef Sphere s
+    cdef double r
+    cdef int i
+    for i in range(n):
+        sphere_load(records + i * stride, f, &s)
+        r = fabs(s.r)
+        lo = vec(smaller(s.c.x - r, lo.x), smaller(s.c.y - r, lo.y), smaller(s.c.z - r, lo.z))
+        hi = vec(larger(s.c.x + r, hi.x), larger(s.c.y + r, hi.y), larger(s.c.z + r, hi.z))
+    box_between(all, lo, hi)
 
 
 cdef inline bint sphere_roots(const Sphere* s, const Line* l, double* roots) noexcept nogil:

@@ -11,13 +11,12 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 from bfrt.bits cimport lowest_bit, ones
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
 from bfrt.geometry.eight cimport (
-    BOXES, GrownEight, Sides, Voxels, eight_empty, eight_grow, eight_span, eight_union,
-    eight_voxels, entered, grown_at, range_at, sides_of,
+    BOXES, GrownEight, Sides, Voxels, eight_empty, eight_grow, eight_span, eight_voxels, entered,
+    grown_at, range_at, sides_of,
 )
 from bfrt.geometry.grid cimport Grid, Range, entered_by, rough_range
 from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
 from bfrt.geometry.lattice cimport Lattice
-from bfrt.geometry.quantised cimport coded_union
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport Vec, vec
 from bfrt.phases.crossings cimport Found, cross, hand_over
@@ -29,7 +28,7 @@ from bfrt.phases.nearest cimport nearer, ray_line
 from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, POLYGON, Crossing, Delayed, Ray
 from bfrt.scene.sweep cimport (
-    Sweep, advance_block, advance_to, decode, fetch, records_of, want_records,
+    Sweep, advance_block, advance_to, block_union, decode, fetch, records_of, want_records,
 )
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
@@ -332,10 +331,7 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block against the rays in their voxels: half of the blocks have none."""
     cdef Box all
     cdef Range around
-    if w.coded:
-        coded_union(&w.coding, w.codes, n, <float*>&all)
-    else:
-        eight_union(&w.eight, <float*>&all)
+    block_union(w, n, &all)
     if box_empty(&all):
         return 0
     around = rough_range(s.grid, &all)

@@ -2,13 +2,15 @@
 
 cimport cython
 from libc.stdint cimport int64_t
+from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box
+from bfrt.geometry.grid cimport Grid
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.nearby cimport rays_near
 from bfrt.phases.subspace cimport Subspace, box_near
 from bfrt.phases.voxel_rays cimport VoxelRays
-from bfrt.records cimport Parent
+from bfrt.records cimport BOX_BYTES, Parent
 from bfrt.streams.reader cimport Reader, skip, take
 from bfrt.errors import StoreError
 from bfrt.streams.reader import Tape
@@ -35,6 +37,7 @@ cdef class Selection:
 
     cdef readonly tuple tapes
     cdef list readers          # of level 1, 2, ...
+    cdef void* reader[LEVELS]  # the same, by level
     cdef object path
     cdef int64_t counts[LEVELS]  # boxes of each level; of level 0, objects
     cdef int64_t next[LEVELS]  # record to read
@@ -52,6 +55,8 @@ cdef class Selection:
         self.path = stream.folder
         self.tapes = tuple(Tape(stream.path(f"level{k}")) for k in range(1, self.top + 1))
         self.readers = [Reader(tape, capacity, True) for tape in self.tapes]
+        for k in range(self.top):
+            self.reader[k + 1] = <void*>self.readers[k]
         for k, count in enumerate([stream.count, *stream.levels]):
             self.counts[k] = count
         self.rewind()
@@ -90,6 +95,15 @@ cdef class Selection:
         """
         cdef VoxelRays rays = where if isinstance(where, VoxelRays) else None
         cdef Subspace subspace = None if isinstance(where, VoxelRays) else where
+        cdef int64_t n
+        with nogil:
+            n = self.find(&lattice.grid, rays, subspace, ranges, objects, parents)
+        return n
+
+    cdef int64_t find(self, const Grid* grid, VoxelRays rays, Subspace subspace,
+                      int64_t[:, ::1] ranges, int64_t objects,
+                      float[:, ::1] parents) except -1 nogil:
+        """`select`, near rays or, if there are none, a subspace."""
         cdef Parent parent
         cdef bint near
         cdef int64_t begin, n = 0, found = 0
@@ -100,12 +114,12 @@ cdef class Selection:
                 self.level += 1
                 continue
             begin = self.child[k]
-            parent = self.read(k)
+            self.read(k, &parent)
             self.boxes_read += 1
             if rays is not None:
-                near = rays_near(<const Box*>&parent, &lattice.grid, rays)
+                near = rays_near(<const Box*>&parent, grid, rays)
             else:
-                near = box_near(<const Box*>&parent, &lattice.grid, subspace)
+                near = box_near(<const Box*>&parent, grid, subspace)
             if not near:
                 continue
             if k > 1:
@@ -118,30 +132,36 @@ cdef class Selection:
             else:
                 ranges[n, 0], ranges[n, 1] = begin, parent.end
                 if parents is not None:
-                    (<Box*>&parents[n, 0])[0] = (<const Box*>&parent)[0]
+                    memcpy(&parents[n, 0], &parent, BOX_BYTES)
                 n += 1
         return n
 
-    cdef Parent read(self, int k) except *:
+    cdef int read(self, int k, Parent* parent) except -1 nogil:
         """The next record of a level."""
-        cdef Parent parent = (<const Parent*>take(<Reader>self.readers[k - 1], PARENT_BYTES))[0]
+        parent[0] = (<const Parent*>take(<Reader>self.reader[k], PARENT_BYTES))[0]
         self.next[k] += 1
         if not 0 < parent.end <= self.counts[k - 1] or parent.end < self.child[k]:
+            self.refuse(k, parent.end)
+        self.child[k] = parent.end
+        return 0
+
+    cdef int refuse(self, int k, int64_t end) except -1 nogil:
+        """Records of a level tell in ascending order where the children of each end."""
+        with gil:
             raise StoreError(
-                f"{self.path}: level {k}: found a box whose children end at {parent.end}, "
+                f"{self.path}: level {k}: found a box whose children end at {end}, "
                 f"expected {self.child[k]} to {self.counts[k - 1]}"
             )
-        self.child[k] = parent.end
-        return parent
 
-    cdef int descend(self, int k, int64_t begin, int64_t end) except -1:
+    cdef int descend(self, int k, int64_t begin, int64_t end) except -1 nogil:
         """Go on with the records [begin, end) of level k; the one before tells where their
         children begin."""
         cdef int64_t between = begin - self.next[k]
+        cdef Parent before
         if between > 0:
-            skip(<Reader>self.readers[k - 1], (between - 1) * PARENT_BYTES)
+            skip(<Reader>self.reader[k], (between - 1) * PARENT_BYTES)
             self.next[k] = begin - 1
-            self.read(k)
+            self.read(k, &before)
         self.end[k] = end
         self.level = k
         return 0

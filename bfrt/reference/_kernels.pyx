@@ -17,7 +17,7 @@ from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decod
 from bfrt.geometry.shape cimport (
     Meeting, Shape, Surface, shape_bounds, shape_load, shape_meet, shape_surface,
 )
-from bfrt.geometry.sphere cimport sphere_boxes as core_sphere_boxes
+from bfrt.geometry.sphere cimport sphere_boxes as core_sphere_boxes, sphere_union
 from bfrt.geometry.vector cimport Line, Vec, line, vec
 
 
@@ -194,17 +194,20 @@ def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
 
     Returns
     -------
-    (8, 6) float32
+    boxes : (8, 6) float32
         Empty ones beyond the last.
+    around : (6,) float32
+        Around all of them, and the positions of those that are degenerate.
     """
     cdef float[:, ::1] out = np.empty((6, 8), np.float32)
+    cdef float[::1] around = np.empty(6, np.float32)
     cdef Frame frame
+    cdef int n = <int>records.shape[0]
     frame.wide = wide
     frame.origin = vec(origin[0], origin[1], origin[2])
-    core_sphere_boxes(
-        &records[0, 0], records.shape[1], &frame, <int>records.shape[0], <Eight*>&out[0, 0]
-    )
-    return np.ascontiguousarray(np.asarray(out).T)
+    core_sphere_boxes(&records[0, 0], records.shape[1], &frame, n, <Eight*>&out[0, 0])
+    sphere_union(&records[0, 0], records.shape[1], &frame, n, <Box*>&around[0])
+    return np.ascontiguousarray(np.asarray(out).T), np.asarray(around)
 
 
 def meet(int kind, const double[::1] record, origin, double grow, const double[:, ::1] origins,

@@ -5,9 +5,9 @@ from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.eight cimport BOXES, Eight, eight_clear, eight_of
-from bfrt.geometry.quantised cimport Coding, coding_in, eight_decoded
-from bfrt.geometry.sphere cimport sphere_boxes
+from bfrt.geometry.eight cimport BOXES, Eight, eight_clear, eight_of, eight_union
+from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
+from bfrt.geometry.sphere cimport sphere_boxes, sphere_union
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
 from bfrt.streams.reader cimport Reader, skip, take, want
 
@@ -158,25 +158,36 @@ cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
 cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
     """Come to the next objects, up to `most` and BOXES: records and boxes; returns n >= 1.
 
-    Quantised boxes stay as they are coded until `decode` is called.
+    Boxes stay as they are coded, or as the records of spheres, until `decode` is called.
     """
     cdef int n = advance_records(s, most)
     if s.coded:
         s.codes = take(s.quantised, CODE_BYTES * n)
-        return n
-    if s.boxes is not None:
+    elif s.boxes is not None:
         eight_of(<const float*>take(s.boxes, BOX_BYTES * n), n, &s.eight)
-    else:
-        sphere_boxes(s.record, s.stride, &s.frame, n, &s.eight)
-    clear_outliers(s)
+        clear_outliers(s)
     return n
+
+
+cdef inline void block_union(Sweep s, int n, Box* all) noexcept nogil:
+    """The box around the block's n objects, at least."""
+    if s.coded:
+        coded_union(&s.coding, s.codes, n, <float*>all)
+    elif s.boxes is not None:
+        eight_union(&s.eight, <float*>all)
+    else:
+        sphere_union(s.record, s.stride, &s.frame, n, all)
 
 
 cdef inline void decode(Sweep s, int n) noexcept nogil:
     """Have the boxes of the block's n objects in `eight`."""
     if s.coded:
         eight_decoded(&s.coding, s.codes, n, &s.eight)
-        clear_outliers(s)
+    elif s.boxes is None:
+        sphere_boxes(s.record, s.stride, &s.frame, n, &s.eight)
+    else:
+        return
+    clear_outliers(s)
 
 
 cdef inline void clear_outliers(Sweep s) noexcept nogil:

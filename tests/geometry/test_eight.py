@@ -33,15 +33,22 @@ def test_boxes_of_spheres(rows, dtype, origin):
     flat = records.reshape(-1).view(np.uint8)
     none = np.zeros(len(rows), np.uint32)
     bound(Kind.SPHERE, flat, none, wide, origin, 4, expected)
-    found = _kernels.sphere_boxes(records.view(np.uint8).reshape(len(rows), -1), wide, origin)
+    found, around = _kernels.sphere_boxes(
+        records.view(np.uint8).reshape(len(rows), -1), wide, origin
+    )
     np.testing.assert_array_equal(found[: len(rows)].view(np.uint32), expected.view(np.uint32))
     assert (found[len(rows) :] == NONE).all()
+    low, high = found[:, :3].min(axis=0), found[:, 3:].max(axis=0)
+    assert (around[:3] <= low).all()
+    assert (around[3:] >= high).all()
+    if records[:, 3].all():
+        np.testing.assert_array_equal(around, np.concatenate([low, high]))
 
 
 def test_rounding_where_numbers_vanish():
     """Of a radius that float32 does not have, a side is the least number below zero, not zero."""
     records = np.array([[0.0, 1e-60, -1e-60, 1e-50]])
-    found = _kernels.sphere_boxes(records.view(np.uint8), True, (0, 0, 0))
+    found, _ = _kernels.sphere_boxes(records.view(np.uint8), True, (0, 0, 0))
     least = np.nextafter(np.float32(0), np.float32(1))
     np.testing.assert_array_equal(found[:1], [[-least, -least, -least, least, least, least]])
 
