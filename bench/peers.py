@@ -154,7 +154,7 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=arguments.folder) as name:
         if arguments.steady:
-            steady(Path(name), 5)
+            steady(Path(name), arguments.runs)
             return
         rows = []
         for millions in arguments.millions:

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 #: are in its window.
 Loop = Callable[[int, Sweep, int, int], None]
 
-#: Called with a worker's number; returns ranges (n, 2) of objects, behind all that came before.
-Choose = Callable[[int], NDArray[np.int64]]
+#: Called with a worker's number; returns ranges (n, 2) of objects, behind all that came before, and
+#: whether their boxes were asked for.
+Choose = Callable[[int], tuple[NDArray[np.int64], bool]]
 
 #: Called with a worker's number, its sweep, and the ranges in its window.
 ChosenLoop = Callable[[int, Sweep, NDArray[np.int64]], None]
@@ -96,10 +97,10 @@ class Objects:
         swept = [0] * len(sweeps)
 
         def step(worker: int) -> bool:
-            ranges = choose(worker)
+            ranges, asked = choose(worker)
             if len(ranges):
                 swept[worker] += int((ranges[:, 1] - ranges[:, 0]).sum())
-                sweeps[worker].window(int(ranges[0, 0]), int(ranges[-1, 1]))
+                sweeps[worker].chosen(ranges, asked)
                 loop(worker, sweeps[worker], ranges)
             return len(ranges) > 0
 

@@ -67,7 +67,7 @@ cdef class Sweep:
             names.append("materials")
         if stream.quantised and lazy:
             names.append("quantised")
-        self.tapes = tapes or tuple(Tape(stream.path(name)) for name in names)
+        self.tapes = tapes or tuple(Tape(stream.path(name), lazy) for name in names)
         largest = self.stride * max(BOXES, stream.largest)
         self.lazy = lazy
         self.delays = lazy and self.kind != SPHERE
@@ -119,6 +119,21 @@ cdef class Sweep:
             ask_runs(self.box_reader, ranges, self.box_bytes)
             if self.offsets is not None:
                 ask_runs(self.offsets, ranges, OFFSET_BYTES)
+
+    def chosen(self, const int64_t[:, ::1] ranges, bint asked):
+        """Go forward to ranges of objects whose boxes were asked for, or are read in order.
+
+        Parameters
+        ----------
+        ranges : (n, 2) int64
+            First and end of each, ascending.
+        asked : bool
+            Whether `ask` was called for them.
+        """
+        self.box_reader.expect(asked)
+        if self.offsets is not None:
+            self.offsets.expect(asked)
+        self.window(ranges[0, 0], ranges[ranges.shape[0] - 1, 1])
 
     def picks(self, const int64_t[:, ::1] ranges):
         """Go forward to objects, ranges of one each, that are going to be picked."""

@@ -16,7 +16,7 @@ cdef class Tape:
     cdef readonly object path
     cdef readonly int64_t size
     cdef int fd
-    cdef bint asked        # what is read is asked for: the system was told not to read ahead
+    cdef int asked_fd      # the same, of which the system was told not to read ahead
     cdef int64_t last_end
     cdef int64_t bytes_read
     cdef int64_t seeks
@@ -33,8 +33,10 @@ cdef class Reader:
     cdef int64_t position
     cdef int64_t stop
     cdef int64_t wanted    # reads end here, where so much of the window is known to be wanted
+    cdef int fd            # of the tape's, the one that is read
     cdef readonly Tape tape
 
+    cpdef int expect(self, bint asked) except -1
     cpdef int window(self, int64_t begin, int64_t stop) except -1
     cdef const unsigned char* refill(self, size_t n) except NULL nogil
     cdef int read_more(self, size_t wanted) except -1 nogil

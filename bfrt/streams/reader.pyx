@@ -6,8 +6,8 @@ there is one). A short read is not the end of the file, and an interrupted one i
 A gap is read through where that is cheaper than to seek over it. After a seek reads begin small
 and double while they go on, so that a lonely record does not cost a whole buffer; but where a
 caller knows what is wanted (`want`), just that is read, at once. Who knows it before it is needed
-asks for it (`ask`): many requests are then under way together, and the system is told not to read
-ahead by itself.
+asks for it (`ask`): many requests are then under way together, and the file is read by a second
+descriptor, of which the system is told not to read ahead by itself.
 """
 
 cimport cython
@@ -32,16 +32,16 @@ cdef extern from *:
         (void)fd; (void)offset; (void)n; /* the system's own read-ahead has to do */
     #endif
     }
-    static inline void bfrt_advise(int fd, int asked) {
+    static inline void bfrt_no_read_ahead(int fd) {
     #ifdef POSIX_FADV_RANDOM
-        (void)posix_fadvise(fd, 0, 0, asked ? POSIX_FADV_RANDOM : POSIX_FADV_NORMAL);
+        (void)posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM);
     #else
-        (void)fd; (void)asked;
+        (void)fd;
     #endif
     }
     """
     void prefetch "bfrt_prefetch"(int fd, int64_t offset, int64_t n) noexcept nogil
-    void advise "bfrt_advise"(int fd, int asked) noexcept nogil
+    void no_read_ahead "bfrt_no_read_ahead"(int fd) noexcept nogil
     ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
 
 cdef enum:
@@ -59,6 +59,8 @@ cdef class Tape:
     ----------
     path : path-like
         The file.
+    asked : bool
+        Whether it will be read where that is asked for before, too.
 
     Raises
     ------
@@ -66,18 +68,26 @@ cdef class Tape:
         If it cannot be opened.
     """
 
-    def __cinit__(self, path):
-        self.fd = -1
+    def __cinit__(self, path, bint asked=False):
+        self.fd = self.asked_fd = -1
         self.path = os.fspath(path)
         try:
-            self.fd = os.open(self.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+            self.fd = self.opened()
             self.size = os.fstat(self.fd).st_size
+            if asked:
+                self.asked_fd = self.opened()
+                no_read_ahead(self.asked_fd)
         except OSError as error:
             raise StreamError(self.path, 0, error.errno, "opening") from None
 
+    def opened(self):
+        """A descriptor of the file."""
+        return os.open(self.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+
     def __dealloc__(self):
-        if self.fd >= 0:
-            os.close(self.fd)
+        for fd in (self.fd, self.asked_fd):
+            if fd >= 0:
+                os.close(fd)
 
     def counts(self):
         """Bytes read and seeks since the last call, as a pair."""
@@ -101,6 +111,7 @@ cdef class Reader:
 
     def __cinit__(self, Tape tape not None, size_t capacity, bint sparse=False):
         self.tape = tape
+        self.fd = tape.fd
         self.capacity = (capacity + PAGE - 1) // PAGE * PAGE
         self.gap = GAP
         self.least = self.span = min(self.capacity, <size_t>GAP) if sparse else self.capacity
@@ -122,11 +133,22 @@ cdef class Reader:
         """
         self.at = self.end = self.buffer
         self.position = self.stop = self.wanted = 0
-        self.gap = ASKED_GAP if asked else GAP
         self.span = self.least
-        if asked != self.tape.asked:
-            advise(self.tape.fd, asked)
-            self.tape.asked = asked
+        self.expect(asked)
+
+    cpdef int expect(self, bint asked) except -1:
+        """Go on to what is asked for before it is read, or to what the system should read ahead.
+
+        Raises
+        ------
+        ValueError
+            If the tape is none to be asked.
+        """
+        if asked and self.tape.asked_fd < 0:
+            raise ValueError(f"{self.tape.path}: found a tape that is only read in order")
+        self.gap = ASKED_GAP if asked else GAP
+        self.fd = self.tape.asked_fd if asked else self.tape.fd
+        return 0
 
     cpdef int window(self, int64_t begin, int64_t stop) except -1:
         """Go forward to `begin`, to read up to `stop` and not a byte beyond.
@@ -181,7 +203,7 @@ cdef class Reader:
 
     cdef void ask(self, int64_t begin, int64_t end) noexcept nogil:
         """Have the system begin to read what will be wanted."""
-        prefetch(self.tape.fd, begin, end - begin)
+        prefetch(self.fd, begin, end - begin)
 
     cdef const unsigned char* refill(self, size_t n) except NULL nogil:
         """Read until n bytes are there, and as many more as the buffer holds and are wanted."""
@@ -206,7 +228,7 @@ cdef class Reader:
             room -= self.read_more(min(room, <size_t>MOST))
         rest = min(self.stop, self.wanted) - self.position
         if rest > 0 and self.span == self.capacity:
-            prefetch(self.tape.fd, self.position, min(rest, <int64_t>self.capacity))
+            prefetch(self.fd, self.position, min(rest, <int64_t>self.capacity))
         p = self.at
         self.at += n
         return p
@@ -215,7 +237,7 @@ cdef class Reader:
         """One read; returns how much of `wanted` came."""
         cdef ssize_t got
         while True:
-            got = pread(self.tape.fd, <void*><uintptr_t>self.end, wanted, self.position)
+            got = pread(self.fd, <void*><uintptr_t>self.end, wanted, self.position)
             if got > 0:
                 break
             if got < 0 and errno == EINTR:

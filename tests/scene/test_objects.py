@@ -26,7 +26,8 @@ def ranges_of(count, each):
     return np.array([[i, min(count, i + each)] for i in range(0, count, each)])
 
 
-def test_chosen_ranges_are_swept_once(objects):
+@pytest.mark.parametrize("asked", [True, False])
+def test_chosen_ranges_are_swept_once(objects, asked):
     for stream in objects.group.streams:
         left = iter(np.array_split(ranges_of(stream.count, 7), 30))
         turn = threading.Lock()
@@ -34,7 +35,7 @@ def test_chosen_ranges_are_swept_once(objects):
 
         def choose(_, left=left, turn=turn):
             with turn:
-                return next(left, np.empty((0, 2), np.int64))
+                return next(left, np.empty((0, 2), np.int64)), asked
 
         def loop(worker, sweep, ranges, seen=seen):
             seen.extend(i for a, b in ranges.tolist() for i in range(a, b))
@@ -52,7 +53,7 @@ def test_a_loop_that_fails_ends_the_walk(objects):
 
     def choose(_):
         with turn:
-            return next(left)
+            return next(left), True
 
     def loop(worker, sweep, ranges):
         swept.append(worker)

@@ -218,13 +218,32 @@ def test_readers_share_a_tape(path):
 
 
 def test_a_tape_closes_its_file(path):
-    lowest = os.open(path, os.O_RDONLY)
-    os.close(lowest)
-    tape = Tape(path)
-    assert os.fstat(lowest).st_size == len(DATA)
+    lowest = [os.open(path, os.O_RDONLY) for _ in range(2)]
+    for descriptor in lowest:
+        os.close(descriptor)
+    tape = Tape(path, asked=True)
+    assert [os.fstat(descriptor).st_size for descriptor in lowest] == 2 * [len(DATA)]
     del tape
-    with pytest.raises(OSError, match=r"[Bb]ad file"):
-        os.fstat(lowest)
+    for descriptor in lowest:
+        with pytest.raises(OSError, match=r"[Bb]ad file"):
+            os.fstat(descriptor)
+
+
+def test_what_is_asked_for_is_the_same_file(path):
+    reader = Reader(Tape(path, asked=True), PAGE)
+    reader.rewind(asked=True)
+    reader.window(0, len(DATA))
+    assert reader.read(PAGE) == DATA[:PAGE]
+    reader.expect(False)  # from here on the system reads ahead
+    assert reader.read(10) == DATA[PAGE : PAGE + 10]
+    reader.expect(True)
+    assert reader.read(PAGE) == DATA[PAGE + 10 : 2 * PAGE + 10]
+
+
+def test_a_tape_that_is_read_in_order(path):
+    reader = reader_of(path)
+    with pytest.raises(ValueError, match=f"{path.name}: found a tape that is only read in order"):
+        reader.rewind(asked=True)
 
 
 def test_records_of_two_buffers_are_whole(path):
