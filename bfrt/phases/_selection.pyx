@@ -36,8 +36,8 @@ cdef class Selection:
     """
 
     cdef readonly tuple tapes
-    cdef list readers          # of level 1, 2, ...
-    cdef void* reader[LEVELS]  # the same, by level
+    cdef list readers          # whose they are:
+    cdef void* reader[LEVELS]  # of level 1, 2, ...
     cdef object path
     cdef int64_t counts[LEVELS]  # boxes of each level; of level 0, objects
     cdef int64_t next[LEVELS]  # record to read
@@ -66,7 +66,7 @@ cdef class Selection:
         cdef Reader reader
         cdef int k
         for k in range(1, self.top + 1):
-            reader = self.readers[k - 1]
+            reader = <Reader>self.reader[k]
             reader.rewind()
             reader.window(0, self.counts[k] * PARENT_BYTES)
             self.next[k] = self.end[k] = self.child[k] = 0

@@ -89,7 +89,7 @@ class Batch:
         n = walk.select(lattice, where, self._ranges, objects, parents)
         ranges: NDArray[np.int64] = self._ranges[:n]
         self._ends = np.append(0, np.cumsum(ranges[:, 1] - ranges[:, 0]))
-        self.asked = n > 0 and self._ends[-1] < DENSE * (ranges[-1, 1] - ranges[0, 0])
+        self.asked = n > 0 and bool(self._ends[-1] < DENSE * (ranges[-1, 1] - ranges[0, 0]))
         return ranges
 
     def take(

@@ -158,19 +158,19 @@ cdef inline int advance_records(Sweep s, int64_t most) except -1 nogil:
 cdef inline int advance_block(Sweep s, int64_t most) except -1 nogil:
     """Come to the next objects, up to `most` and BOXES: records and boxes; returns n >= 1.
 
-    Boxes stay as they are coded, or as the records of spheres, until `decode` is called.
+    Boxes are known once `decode` is called: until then they are as they are coded, or the records
+    of spheres.
     """
     cdef int n = advance_records(s, most)
     if s.coded:
         s.codes = take(s.quantised, CODE_BYTES * n)
     elif s.boxes is not None:
         eight_of(<const float*>take(s.boxes, BOX_BYTES * n), n, &s.eight)
-        clear_outliers(s)
     return n
 
 
 cdef inline void block_union(Sweep s, int n, Box* all) noexcept nogil:
-    """The box around the block's n objects, at least."""
+    """The box around the block's n objects, at least: around outliers, too."""
     if s.coded:
         coded_union(&s.coding, s.codes, n, <float*>all)
     elif s.boxes is not None:
@@ -180,13 +180,11 @@ cdef inline void block_union(Sweep s, int n, Box* all) noexcept nogil:
 
 
 cdef inline void decode(Sweep s, int n) noexcept nogil:
-    """Have the boxes of the block's n objects in `eight`."""
+    """Have the boxes of the block's n objects in `eight`, of outliers empty ones."""
     if s.coded:
         eight_decoded(&s.coding, s.codes, n, &s.eight)
     elif s.boxes is None:
         sphere_boxes(s.record, s.stride, &s.frame, n, &s.eight)
-    else:
-        return
     clear_outliers(s)
 
 

@@ -21,6 +21,8 @@ cdef class Tape:
     cdef int64_t bytes_read
     cdef int64_t seeks
 
+    cdef int opened(self) except -1
+
 
 cdef class Reader:
     cdef const unsigned char* at

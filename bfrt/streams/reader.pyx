@@ -80,7 +80,7 @@ cdef class Tape:
         except OSError as error:
             raise StreamError(self.path, 0, error.errno, "opening") from None
 
-    def opened(self):
+    cdef int opened(self) except -1:
         """A descriptor of the file."""
         return os.open(self.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
 
