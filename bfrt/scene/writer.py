@@ -14,7 +14,7 @@ import os
 import secrets
 import shutil
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -27,6 +27,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.records import MATERIAL, SCALARS, Kind
 from bfrt.scene.columns import Prepared, prepare
 from bfrt.scene.extent import Bounds
+from bfrt.scene.given import array_of, column_of, floats_of, rows_of, triple_of
 from bfrt.scene.group import GroupWriter
 from bfrt.scene.header import header_text
 from bfrt.scene.hierarchy import Hierarchy
@@ -106,7 +107,7 @@ class SceneWriter:
         if dtype is not None and np.dtype(dtype) not in (np.float32, np.float64):
             raise SettingError(f"dtype: found {dtype!r}, expected float32, float64 or None")
         self._dtype = None if dtype is None else np.dtype(dtype)
-        self._origin = None if origin is None else _triple("origin", origin)
+        self._origin = None if origin is None else triple_of("origin", origin)
         self._hierarchy = hierarchy or Hierarchy()
         self._durable = durable
         self._groups: list[GroupWriter] = []
@@ -135,9 +136,9 @@ class SceneWriter:
     def camera(self, camera: Camera) -> None:
         """Set the view that is rendered where no other is asked for."""
         self._camera = Camera(
-            _triple("eye", camera.eye),
-            _triple("at", camera.at),
-            _triple("up", camera.up),
+            triple_of("eye", camera.eye),
+            triple_of("at", camera.at),
+            triple_of("up", camera.up),
             float(camera.angle),
             float(camera.hither),
             (int(camera.resolution[0]), int(camera.resolution[1])),
@@ -146,12 +147,12 @@ class SceneWriter:
     def light(self, light: Light) -> None:
         """Add a point light."""
         self._lights.append(
-            Light(_triple("light", light.position), _triple("color of a light", light.color))
+            Light(triple_of("light", light.position), triple_of("color of a light", light.color))
         )
 
     def background(self, color: Vector) -> None:
         """Set the color that rays see that hit nothing."""
-        self._background = _triple("background", color)
+        self._background = triple_of("background", color)
 
     def expect(self, counts: Mapping[Kind, int], surface: float) -> None:
         """Announce the objects of group 0, before the first: the first level of the hierarchy is
@@ -198,8 +199,8 @@ class SceneWriter:
         Radii are taken as what the centers are, float32 or float64. Objects of a group have a grid
         of their own; groups are numbered from 0 as they come, and a new one has the next number.
         """
-        c, n = _rows("centers", centers, (3,))
-        records = np.hstack([c, _column("radii", radii, n, c.dtype)])
+        c, n = rows_of("centers", centers, (3,))
+        records = np.hstack([c, column_of("radii", radii, n, c.dtype)])
         self.append(Kind.SPHERE, records, materials, group=group)
 
     def cones(
@@ -213,13 +214,13 @@ class SceneWriter:
         group: int = 0,
     ) -> None:
         """Add cones without caps: ends (n, 3) and radii (n,). Equal radii make cylinders."""
-        a, n = _rows("bases", bases, (3,))
-        b, m = _rows("apexes", apexes, (3,))
+        a, n = rows_of("bases", bases, (3,))
+        b, m = rows_of("apexes", apexes, (3,))
         if n != m:
             raise SceneError(f"apexes: found {m} rows, expected {n}, as many as bases")
         dtype = np.result_type(a, b)
-        ra = _column("base_radii", base_radii, n, dtype)
-        rb = _column("apex_radii", apex_radii, n, dtype)
+        ra = column_of("base_radii", base_radii, n, dtype)
+        rb = column_of("apex_radii", apex_radii, n, dtype)
         if (ra * rb < 0).any():
             raise SceneError("cones: found radii of both signs in one cone, expected one sign")
         self.append(Kind.CONE, np.hstack([a, ra, b, rb]), materials, group=group)
@@ -228,7 +229,7 @@ class SceneWriter:
         self, vertices: ArrayLike, materials: ArrayLike | None = None, *, group: int = 0
     ) -> None:
         """Add triangles: vertices (n, 3, 3), counterclockwise from outside."""
-        v, n = _rows("vertices", vertices, (3, 3))
+        v, n = rows_of("vertices", vertices, (3, 3))
         self.append(Kind.TRIANGLE, v.reshape(n, 9), materials, group=group)
 
     def patches(
@@ -240,8 +241,8 @@ class SceneWriter:
         group: int = 0,
     ) -> None:
         """Add triangles with vertex normals for smooth shading, both (n, 3, 3)."""
-        v, n = _rows("vertices", vertices, (3, 3))
-        normal, m = _rows("normals", normals, (3, 3))
+        v, n = rows_of("vertices", vertices, (3, 3))
+        normal, m = rows_of("normals", normals, (3, 3))
         if n != m:
             raise SceneError(f"normals: found {m} rows, expected {n}, as many as vertices")
         records = np.hstack([v.reshape(n, 9), normal.reshape(n, 9)])
@@ -259,7 +260,7 @@ class SceneWriter:
 
         A polygon of three vertices is stored as a triangle and numbered among those.
         """
-        given = _floats("vertices", vertices), _array("counts", counts)
+        given = floats_of("vertices", vertices), array_of("counts", counts)
         self.append_polygons(*given, materials, group=group)
 
     def append(
@@ -271,7 +272,7 @@ class SceneWriter:
         group: int = 0,
     ) -> None:
         """Add records (n, scalars) of one kind other than polygons, laid out as on disk."""
-        records = _floats(kind.label, records)
+        records = floats_of(kind.label, records)
         if records.ndim != 2 or records.shape[1] != SCALARS[kind] or kind == Kind.POLYGON:
             raise SceneError(
                 f"{kind.label}: found records of shape {records.shape}, "
@@ -294,7 +295,7 @@ class SceneWriter:
         group: int = 0,
     ) -> None:
         """Add polygons of vertices (m, 3) and counts (n,)."""
-        vertices = _floats("polygon", vertices)
+        vertices = floats_of("polygon", vertices)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise SceneError(f"polygon: found vertices of shape {vertices.shape}, expected (m, 3)")
         if counts.ndim != 1 or (len(counts) and counts.dtype.kind not in "iu"):
@@ -382,7 +383,7 @@ class SceneWriter:
                 with np.errstate(all="ignore"):
                     center = records[:, :3].mean(axis=0, dtype=np.float64)
                 if np.isfinite(center).all():  # else the block is about to be refused
-                    self._origin = _triple("center of the first block", center)
+                    self._origin = triple_of("center of the first block", center)
         return self._origin
 
     def _is_wide(self, kind: Kind, dtype: np.dtype[Any], group: int) -> bool:
@@ -526,47 +527,6 @@ class SceneWriter:
             self.abandon()
         elif self._open:  # not closed in the block already
             self.close()
-
-
-def _array(name: str, value: ArrayLike) -> NDArray[Any]:
-    try:
-        return np.asarray(value)
-    except (TypeError, ValueError) as error:  # rows of different lengths
-        raise SceneError(f"{name}: found no array, expected numbers: {error}") from None
-
-
-def _floats(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Numbers as float32 where that is what they are, in any byte order, else as float64."""
-    array = _array(name, value)
-    if array.dtype.kind not in "fiu" and array.size:
-        raise SceneError(f"{name}: found {array.dtype}, expected numbers")
-    narrow = array.dtype.kind == "f" and array.dtype.itemsize == 4
-    return array.astype(np.float32 if narrow else np.float64, copy=False)
-
-
-def _triple(name: str, value: ArrayLike) -> Vector:
-    array = _floats(name, value).astype(np.float64, copy=False)
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise SceneError(f"{name}: found {value!r:.80}, expected three finite numbers")
-    return (float(array[0]), float(array[1]), float(array[2]))
-
-
-def _rows(name: str, value: ArrayLike, row: Sequence[int]) -> tuple[NDArray[Any], int]:
-    array = _floats(name, value)
-    if array.shape[1:] != tuple(row) or array.ndim != len(row) + 1:
-        expected = ", ".join(str(r) for r in ("n", *row))
-        raise SceneError(f"{name}: found shape {array.shape}, expected ({expected})")
-    return array, len(array)
-
-
-def _column(name: str, value: ArrayLike, n: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    with np.errstate(over="ignore"):  # infinity is refused
-        array = _floats(name, value).astype(dtype, copy=False)
-    if array.ndim == 0:
-        array = np.full(n, array)
-    if array.shape != (n,):
-        raise SceneError(f"{name}: found shape {array.shape}, expected ({n},)")
-    return array[:, None]
 
 
 def _relative(kind: Kind, records: NDArray[Any], origin: Iterable[float]) -> NDArray[Any]:

@@ -1,0 +1,57 @@
+"""What a caller gives to be written, as arrays of numbers; anything else raises `SceneError`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bfrt.errors import SceneError
+from bfrt.scene.model import Vector
+
+
+def array_of(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Anything that NumPy takes for an array."""
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError) as error:  # rows of different lengths
+        raise SceneError(f"{name}: found no array, expected numbers: {error}") from None
+
+
+def floats_of(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Numbers as float32 where that is what they are, in any byte order, else as float64."""
+    array = array_of(name, value)
+    if array.dtype.kind not in "fiu" and array.size:
+        raise SceneError(f"{name}: found {array.dtype}, expected numbers")
+    narrow = array.dtype.kind == "f" and array.dtype.itemsize == 4
+    return array.astype(np.float32 if narrow else np.float64, copy=False)
+
+
+def triple_of(name: str, value: ArrayLike) -> Vector:
+    """A position, a direction or a color."""
+    array = floats_of(name, value).astype(np.float64, copy=False)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise SceneError(f"{name}: found {value!r:.80}, expected three finite numbers")
+    return (float(array[0]), float(array[1]), float(array[2]))
+
+
+def rows_of(name: str, value: ArrayLike, row: Sequence[int]) -> tuple[NDArray[Any], int]:
+    """Numbers of an object each, in that shape; and how many objects."""
+    array = floats_of(name, value)
+    if array.shape[1:] != tuple(row) or array.ndim != len(row) + 1:
+        expected = ", ".join(str(r) for r in ("n", *row))
+        raise SceneError(f"{name}: found shape {array.shape}, expected ({expected})")
+    return array, len(array)
+
+
+def column_of(name: str, value: ArrayLike, n: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """A number of each of n objects, or one for all, as a column."""
+    with np.errstate(over="ignore"):  # infinity is refused
+        array = floats_of(name, value).astype(dtype, copy=False)
+    if array.ndim == 0:
+        array = np.full(n, array)
+    if array.shape != (n,):
+        raise SceneError(f"{name}: found shape {array.shape}, expected ({n},)")
+    return array[:, None]
