@@ -1,4 +1,4 @@
-"""Running a command inside a memory cgroup, on files that are not in the page cache."""
+"""Running a command inside a memory cgroup, its disk as slow as wanted, its files not cached."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 V1 = Path("/sys/fs/cgroup/memory")
+V1_DISK = Path("/sys/fs/cgroup/blkio")
 V2 = Path("/sys/fs/cgroup")
 
 #: The paper's memory, and the suite's.
@@ -57,12 +58,51 @@ def memory_cap(amount: int) -> Iterator[Path | None]:
     try:
         yield group
     finally:
-        for _ in range(50):
-            try:
-                group.rmdir()
-                break
-            except OSError:  # its last process is still leaving
-                time.sleep(0.1)
+        remove(group)
+
+
+def remove(group: Path) -> None:
+    """Remove a cgroup, as soon as its last process has left."""
+    for _ in range(50):
+        try:
+            group.rmdir()
+            break
+        except OSError:
+            time.sleep(0.1)
+
+
+def disk_of(path: Path) -> str:
+    """The disk that a file system lies on, as MAJOR:MINOR; a partition's limits are its disk's.
+
+    Raises
+    ------
+    SystemExit
+        If it lies on no block device, as a network's or a file system in memory.
+    """
+    number = path.stat().st_dev
+    device = Path(f"/sys/dev/block/{os.major(number)}:{os.minor(number)}")
+    if not device.exists():
+        raise SystemExit(f"{path}: lies on no block device, expected a disk to cap")
+    whole = device.resolve()
+    return ((whole.parent if (whole / "partition").exists() else whole) / "dev").read_text().strip()
+
+
+@contextmanager
+def disk_cap(group: Path, folder: Path, rate: int) -> Iterator[Path]:
+    """Where a cgroup's disk gives `rate` bytes a second at the most: a cgroup beside the memory's
+    in version 1, the same in version 2."""
+    if not V1.is_dir():
+        (V2 / "cgroup.subtree_control").write_text("+io")
+        (group / "io.max").write_text(f"{disk_of(folder)} rbps={rate}")
+        yield group
+        return
+    own = V1_DISK / group.name
+    own.mkdir()
+    try:
+        (own / "blkio.throttle.read_bps_device").write_text(f"{disk_of(folder)} {rate}")
+        yield own
+    finally:
+        remove(own)
 
 
 @functools.cache
@@ -80,8 +120,15 @@ def peak_of(group: Path) -> int:
     return 0
 
 
-def run_capped(arguments: list[str], amount: int) -> tuple[int, int]:
+def run_capped(
+    arguments: list[str], amount: int, disk: tuple[Path, int] | None = None
+) -> tuple[int, int]:
     """Run ``python arguments`` inside a cgroup, or else under RLIMIT_DATA.
+
+    Parameters
+    ----------
+    disk : (Path, int), optional
+        A folder, of whose disk so many bytes are read in a second at the most.
 
     Returns
     -------
@@ -91,11 +138,17 @@ def run_capped(arguments: list[str], amount: int) -> tuple[int, int]:
     with memory_cap(amount) as group:
         command = [sys.executable, *arguments]
         if group is None:
+            if disk:
+                raise SystemExit("reads of a disk are capped by a cgroup, and none could be made")
             script = 'ulimit -d "$0" && exec "$@"'
             capped = ["sh", "-c", script, str(amount >> 10), *command]
             status = subprocess.run(capped, check=False).returncode
             return status, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
-        status = subprocess.run(inside(group, command), check=False).returncode
+        command = inside(group, command)
+        if disk is None:
+            return subprocess.run(command, check=False).returncode, peak_of(group)
+        with disk_cap(group, *disk) as slow:
+            status = subprocess.run(inside(slow, command), check=False).returncode
         return status, peak_of(group)
 
 

@@ -8,6 +8,7 @@ makes each scene as a store, and renders it with each refinement, its marks made
 memory cgroup of 256 MiB and with the store dropped from the page cache before. A gain is the time
 of base over that of the refinement; the hierarchy's time counts as part of sgb's. It prints a row
 as soon as it is measured, with the paper's gains beside ours. Needs root, for the cgroup.
+``--disk 200MB`` measures what the gains are where the disk gives 200 MB a second.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from capped import CAP, drop, run_capped
 from stores import made
 
 import bfrt
+from bfrt.budget import parse_memory
 
 REFINEMENTS = ("base", "sg", "sgb")
 HEAD = (
@@ -49,15 +51,15 @@ def paper_rows() -> list[dict[str, Any]]:
         ]
 
 
-def rendered(store: Path, refine: str, folder: Path) -> dict[str, Any]:
-    """The statistics of one render, cold and capped."""
+def rendered(store: Path, refine: str, folder: Path, rate: int | None) -> dict[str, Any]:
+    """The statistics of one render, cold and capped, its disk too if there is a rate."""
     drop(store)
     stats = folder / "stats.json"
     arguments = [
         "-m", "bfrt", "render", str(store), "-o", str(folder / f"{refine}.npy"), "--memory",
         "256MiB", "--refine", refine, "--fresh-marks", "--quiet", "--stats", str(stats),
     ]  # fmt: skip
-    status, peak = run_capped(arguments, CAP)
+    status, peak = run_capped(arguments, CAP, (folder, rate) if rate else None)
     if status:
         raise SystemExit(f"{store.name} {refine}: exit status {status}, peak {peak}")
     found = json.loads(stats.read_text())
@@ -73,13 +75,14 @@ def rendered(store: Path, refine: str, folder: Path) -> dict[str, Any]:
     }
 
 
-def measured(name: str, size: int, runs: int, folder: Path) -> dict[str, Any]:
+def measured(name: str, size: int, runs: int, folder: Path, rate: int | None) -> dict[str, Any]:
     """One row: medians of the runs, in turn."""
     start = time.perf_counter()
     store = made(name, size, folder)
-    row: dict[str, Any] = {"scene": name, "size": size, "create": time.perf_counter() - start}
+    made_in = time.perf_counter() - start
+    row: dict[str, Any] = {"scene": name, "size": size, "disk": rate, "create": made_in}
     row["objects"] = bfrt.open(store).objects
-    all_runs = [{r: rendered(store, r, folder) for r in REFINEMENTS} for _ in range(runs)]
+    all_runs = [{r: rendered(store, r, folder, rate) for r in REFINEMENTS} for _ in range(runs)]
     if len({json.dumps(run[r]["rays"]) for run in all_runs for r in REFINEMENTS}) != 1:
         raise SystemExit(f"{name} {size}: the refinements sent different rays")
     pictures = {(folder / f"{r}.npy").read_bytes() for r in REFINEMENTS}
@@ -91,6 +94,11 @@ def measured(name: str, size: int, runs: int, folder: Path) -> dict[str, Any]:
         row[refine] = next(run for run in runs_of if run["seconds"] == middle)
     shutil.rmtree(store)
     return row
+
+
+def is_of(row: dict[str, Any], paper: dict[str, Any], rate: int | None) -> bool:
+    """Whether a row is that of the paper, measured on a disk of this rate."""
+    return (row["scene"], row["size"], row["disk"]) == (paper["scene"], paper["size"], rate)
 
 
 def text_of(row: dict[str, Any], paper: dict[str, Any]) -> str:
@@ -140,6 +148,11 @@ def main() -> None:
     )
     parser.add_argument("--plot", type=Path, help="draw what the JSON file has")
     parser.add_argument("--folder", type=Path, help="where stores are made")
+    parser.add_argument(
+        "--disk",
+        type=parse_memory,
+        help="bytes a second it gives at the most, as 200MB",
+    )
     arguments = parser.parse_args()
     done: list[dict[str, Any]] = []
     if arguments.json and arguments.json.exists():
@@ -151,17 +164,18 @@ def main() -> None:
         if size:
             rows = [row for row in rows if row["size"] == int(size)]
         for paper in rows if size else rows[: arguments.sizes]:
-            key = name, paper["size"]
-            row = next((r for r in done if (r["scene"], r["size"]) == key), None)
+            row = next((r for r in done if is_of(r, paper, arguments.disk)), None)
             if row is None:
                 with tempfile.TemporaryDirectory(dir=arguments.folder) as folder:
-                    row = measured(*key, arguments.runs, Path(folder))
+                    row = measured(
+                        name, paper["size"], arguments.runs, Path(folder), arguments.disk
+                    )
                 done.append(row)
                 if arguments.json:
                     arguments.json.write_text(json.dumps(done, indent=1) + "\n")
             print(text_of(row, paper), flush=True)
     if arguments.plot:
-        plot(done, arguments.plot)
+        plot([row for row in done if row["disk"] == arguments.disk], arguments.plot)
 
 
 if __name__ == "__main__":
