@@ -148,11 +148,7 @@ def main() -> None:
     )
     parser.add_argument("--plot", type=Path, help="draw what the JSON file has")
     parser.add_argument("--folder", type=Path, help="where stores are made")
-    parser.add_argument(
-        "--disk",
-        type=parse_memory,
-        help="bytes a second it gives at the most, as 200MB",
-    )
+    parser.add_argument("--disk", type=parse_memory, help="what it gives a second, as 200MB")
     arguments = parser.parse_args()
     done: list[dict[str, Any]] = []
     if arguments.json and arguments.json.exists():

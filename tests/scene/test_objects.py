@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import mmap
-import os
 import sys
 import threading
 import time
 
 import numpy as np
 import pytest
+from capped import drop
 
 import bfrt
 from bfrt.scene.objects import Objects
@@ -84,13 +84,11 @@ def cached(path):
 
 def dropped(path):
     """Whether a file's pages have left the page cache; those in use stay for a while."""
-    with path.open("rb") as file:
-        os.fdatasync(file.fileno())
-        for _ in range(100):
-            os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
-            if not cached(path).any():
-                return True
-            time.sleep(0.01)
+    for _ in range(100):
+        drop(path)
+        if not cached(path).any():
+            return True
+        time.sleep(0.01)
     return False
 
 
