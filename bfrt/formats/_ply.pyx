@@ -79,6 +79,15 @@ cdef inline double value_of(const unsigned char *at, int kind, bint swapped) noe
     return (<int8_t *>bytes)[0]
 
 
+cdef inline void widen(const unsigned char *at, int64_t n, int64_t *out) noexcept nogil:
+    """Copy n indices, int32 as this machine has them."""
+    cdef int32_t index
+    cdef int64_t i
+    for i in range(n):
+        memcpy(&index, at + 4 * i, 4)
+        out[i] = index
+
+
 @cython.final
 cdef class Rows(Tokens):
     """Take an element's rows apart.
@@ -117,6 +126,7 @@ cdef class Rows(Tokens):
     cdef bint text_form
     cdef bint swapped
     cdef bint strips
+    cdef bint bare  # a row is a list of int32 with a count of a byte, and nothing else
 
     cdef int property
     cdef int64_t left  # items of the list that is read, -1 before its count
@@ -147,6 +157,10 @@ cdef class Rows(Tokens):
         self.text_form = layout == "text"
         self.swapped = layout == "big"
         self.strips = strips
+        self.bare = (
+            self.properties == 1 and self.counts[0] == UINT8 and self.kinds[0] == INT32
+            and self.columns[0] == width == 0 and layout == "little" and not strips
+        )
         self.row = self.property = self.fault = 0
         self.found = 0.0
         self.left = -1
@@ -214,6 +228,10 @@ cdef class Rows(Tokens):
         """Rows, as far as the chunk and the element go."""
         cdef int status = GOT
         while self.row < self.rows and status == GOT:
+            if self.bare and self.left < 0:
+                self.take_bare()
+                if self.row == self.rows:
+                    break
             while self.property < self.properties and status == GOT:
                 if self.counts[self.property] < 0:
                     status = self.read_scalar()
@@ -281,14 +299,30 @@ cdef class Rows(Tokens):
             and self.end - self.at >= 4 * self.left
         )
 
-    cdef void take_plain(self) noexcept nogil:
-        """What nearly all files hold: a face at a time."""
+    cdef void take_bare(self) noexcept nogil:
+        """The rows of nearly all files, as far as they are there whole."""
+        cdef const unsigned char *at = self.at
         cdef int64_t *out = self.out_items + self.items
-        cdef int32_t index
-        cdef int64_t i
-        for i in range(self.left):
-            memcpy(&index, self.at + 4 * i, 4)
-            out[i] = index
+        cdef uint32_t *counts = self.out_counts + self.faces
+        cdef int64_t n, taken = 0
+        cdef int64_t rows = self.rows - self.row
+        while taken < rows and at < self.end:
+            n = at[0]
+            if self.end - at < 1 + 4 * n:
+                break
+            widen(at + 1, n, out)
+            counts[taken] = <uint32_t>n
+            at += 1 + 4 * n
+            out += n
+            taken += 1
+        self.at = at
+        self.items = out - self.out_items
+        self.faces += taken
+        self.row += taken
+
+    cdef void take_plain(self) noexcept nogil:
+        """A face at a time."""
+        widen(self.at, self.left, self.out_items + self.items)
         self.at += 4 * self.left
         self.items += self.left
         self.have += self.left
