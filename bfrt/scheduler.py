@@ -150,7 +150,7 @@ class Tracer:
             with phases.traversal.timed():
                 done += flight.admit(queue, ends, counters)
                 if flight.active:
-                    flight.collect(field.read, counters)
+                    flight.collect(field.read, counters, selective=field.selective)
             if flight.active:
                 with phases.intersection.timed():
                     field.intersect(flight, counters)

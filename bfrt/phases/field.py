@@ -28,6 +28,8 @@ class Field:
     ----------
     read : int
         Bytes that a pass reads: the most that one has.
+    selective : bool
+        Whether it reads only what is near rays.
     facts : dict
         What the counters tell of the grid.
     """
@@ -46,7 +48,8 @@ class Field:
         self.read = 0
         self.marks_reused = False
         self.facts: dict[str, Any] = {}
-        self._selections = Selections(group.streams, workers.threads) if refine == "sgb" else None
+        self.selective = refine == "sgb"
+        self._selections = Selections(group.streams, workers.threads) if self.selective else None
         self._store = store
         self._workers = workers
         self._capacities = capacities
