@@ -203,6 +203,23 @@ def test_round_trip(tmp_path_factory, made, size):
         assert shapes_of(store) == [((*map(float, row), 1.0),) for row in vertices]
 
 
+@pytest.mark.parametrize("size", range(1, 40))
+def test_bare_faces_that_end_anywhere_in_a_chunk(size):
+    faces = [[0, 1, 2], [3, -4, 5, 6], list(range(200)), [7, 8, 9], [], [1, 1, 1]]
+    data = b"".join(struct.pack(f"<B{len(face)}i", len(face), *face) for face in faces)
+    int32, uint8 = ply_module.TYPES["int"], ply_module.TYPES["uchar"]
+    rows = ply_module.Rows(len(faces), [int32], [uint8], [0], 0, "little", False, 1)
+    found, left = [], b""
+    for first in range(0, len(data), size):
+        chunk = left + data[first : first + size]
+        corners, counts, _, used = rows.parse(np.frombuffer(chunk, np.uint8))
+        found += [part.tolist() for part in np.split(corners, np.cumsum(counts))[:-1]]
+        left = chunk[used:]
+    assert rows.done
+    assert found == faces
+    assert left == b""
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("first", ["face", "vertex"])
 def test_elements_in_any_order(file, layout, first):
