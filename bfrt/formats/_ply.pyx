@@ -126,7 +126,8 @@ cdef class Rows(Tokens):
     cdef bint text_form
     cdef bint swapped
     cdef bint strips
-    cdef bint bare  # a row is a list of int32 with a count of a byte, and nothing else
+    cdef bint as_is  # indices of faces lie there as this machine has them
+    cdef bint bare  # as is, and a row is a list of int32 with a count of a byte, nothing else
 
     cdef int property
     cdef int64_t left  # items of the list that is read, -1 before its count
@@ -157,9 +158,10 @@ cdef class Rows(Tokens):
         self.text_form = layout == "text"
         self.swapped = layout == "big"
         self.strips = strips
+        self.as_is = layout == "little" and not strips
         self.bare = (
-            self.properties == 1 and self.counts[0] == UINT8 and self.kinds[0] == INT32
-            and self.columns[0] == width == 0 and layout == "little" and not strips
+            self.as_is and self.properties == 1 and self.counts[0] == UINT8
+            and self.kinds[0] == INT32 and self.columns[0] == width == 0
         )
         self.row = self.property = self.fault = 0
         self.found = 0.0
@@ -294,10 +296,7 @@ cdef class Rows(Tokens):
 
     cdef bint is_plain(self, int kind) noexcept nogil:
         """Whether what is left of the list is there, as this machine has its integers."""
-        return (
-            kind == INT32 and not (self.text_form or self.swapped or self.strips)
-            and self.end - self.at >= 4 * self.left
-        )
+        return self.as_is and kind == INT32 and self.end - self.at >= 4 * self.left
 
     cdef void take_bare(self) noexcept nogil:
         """The rows of nearly all files, as far as they are there whole."""

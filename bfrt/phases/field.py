@@ -28,8 +28,6 @@ class Field:
     ----------
     read : int
         Bytes that a pass reads: the most that one has.
-    selective : bool
-        Whether it reads only what is near rays.
     facts : dict
         What the counters tell of the grid.
     """
@@ -48,8 +46,7 @@ class Field:
         self.read = 0
         self.marks_reused = False
         self.facts: dict[str, Any] = {}
-        self.selective = refine == "sgb"
-        self._selections = Selections(group.streams, workers.threads) if self.selective else None
+        self._selections = Selections(group.streams, workers.threads) if refine == "sgb" else None
         self._store = store
         self._workers = workers
         self._capacities = capacities
@@ -58,6 +55,11 @@ class Field:
         self._lattice = lattice_of(store, group, self._cut.shape, self._cut.axis)
         self._outliers = Outliers(store, group)
         self._slabs: Slabs | None = None
+
+    @property
+    def selective(self) -> bool:
+        """Whether a pass reads only what is near rays."""
+        return self._selections is not None
 
     def preprocess(self, fresh: bool, counters: Counters) -> None:
         """See that there are marks."""

@@ -106,8 +106,8 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
     """Candidates that each ray gets in a pass.
 
     Few in a ray's first pass, for most rays end soon, and twice as many in each that follows; no
-    fewer than a pass is worth that reads so many bytes, never more than memory holds. So passes
-    grow like a logarithm.
+    fewer than a pass is worth that reads so many bytes, but no leap beyond `LEAP` where reading
+    follows them; never more than memory holds. So passes grow like a logarithm.
 
     Parameters
     ----------
@@ -244,14 +244,14 @@ class Flight:
         self._least = 2 * each
         self.voxel_rays.sort(slots, self._walk(0, each, counters), self._workers)
 
-    def _walk(self, base: int, quota: int, counters: Counters) -> int:
+    def _walk(self, base: int, each: int, counters: Counters) -> int:
         """Walk rays, from `base` on, to their sentinels; returns the candidates found."""
         slabs, starts, order = self._slabs, self._starts, self._order
         if slabs.count == 1:
             starts[:] = base, self.active, self.active
         else:
             arrange(self.rays, base, self.lattice, slabs.slab_of, starts, order)
-        self._left[base : self.active] = quota
+        self._left[base : self.active] = each
         used = np.zeros(1, np.int64)
         carried = nearest = 0
         for part in range(2 * slabs.count):
