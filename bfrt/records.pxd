@@ -1,6 +1,6 @@
 """The C twins of ``records.py``; field for field, checked by tests/test_records.py."""
 
-from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.stdint cimport int16_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 
 cdef extern from *:
     """
@@ -52,7 +52,8 @@ cdef packed struct Path:
     float red
     float green
     float blue
-    uint32_t kind
+    uint16_t kind
+    int16_t power
 
 cdef packed struct Queued:
     double ox
@@ -66,7 +67,8 @@ cdef packed struct Queued:
     float red
     float green
     float blue
-    uint32_t kind
+    uint16_t kind
+    int16_t power
 
 cdef packed struct Hit:
     double ox
@@ -82,7 +84,8 @@ cdef packed struct Hit:
     float red
     float green
     float blue
-    uint32_t kind
+    uint16_t kind
+    int16_t power
 
 # A Hit as queries use it: which ray it is, the t that belongs to its origin, hits counted.
 cdef packed struct Asked:
@@ -97,7 +100,8 @@ cdef packed struct Asked:
     uint64_t number
     double moved
     uint32_t count
-    uint32_t kind
+    uint16_t kind
+    int16_t power   # of two, by which the direction was divided
 
 # A ray that has met an object's box, and waits for its geometry.
 cdef packed struct Delayed:

@@ -8,7 +8,7 @@ boxes on disk are what DESIGN's byte counts allow.
 record       bytes  what it is
 ===========  =====  ==========================================================================
 RAY             72  a ray in flight: origin, direction, nearest hit so far, where its walk is
-PATH            24  what a ray is for: film element, sample, weight, kind
+PATH            24  what a ray is for: film element, sample, weight, kind; power is a query's
 QUEUED          72  a ray that waits in a queue, on disk where memory ends
 HIT             88  an intersection that waits for shading
 CANDIDATE        8  voxel (30 bits), ray (21), face (3): a ray stored in a voxel
@@ -62,7 +62,8 @@ _PATH = [
     ("red", "<f4"),
     ("green", "<f4"),
     ("blue", "<f4"),
-    ("kind", "<u4"),
+    ("kind", "<u2"),
+    ("power", "<i2"),
 ]
 
 RAY = np.dtype(
@@ -88,7 +89,8 @@ ASKED = np.dtype(
         ("number", "<u8"),
         ("moved", "<f8"),
         ("count", "<u4"),
-        ("kind", "<u4"),
+        ("kind", "<u2"),
+        ("power", "<i2"),
     ]
 )
 CROSSING = np.dtype([("t", "<f8"), ("id", "<u8"), ("ray", "<u4"), ("unused", "<u4")])

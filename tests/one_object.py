@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 
 
 class Met(NamedTuple):
-    """What rays met: an object's box, and for each ray t, the point, normals and uv."""
+    """What rays met: an object's box, and for each ray t, the point, normals, uv, and how many
+    crossings the object owns."""
 
     box: NDArray[np.float32]
     t: Array
@@ -23,6 +24,7 @@ class Met(NamedTuple):
     geometric: Array
     shading: Array
     uv: Array
+    crossings: NDArray[np.int64]
 
     @property
     def hit(self) -> NDArray[np.bool_]:
@@ -41,10 +43,11 @@ def meet(
     start = np.ascontiguousarray(origins, np.float64)
     way = np.ascontiguousarray(directions, np.float64)
     numbers = np.array(record, np.float64).reshape(-1)
-    box, t, surface = _kernels.meet(kind, numbers, list(np.array(origin)), grow, start, way)
+    offset = list(np.array(origin))
+    box, t, surface, crossings = _kernels.meet(kind, numbers, offset, grow, start, way)
     with np.errstate(invalid="ignore"):
         points = start + t[:, None] * way
-    return Met(box, t, points, surface[:, :3], surface[:, 3:6], surface[:, 6:])
+    return Met(box, t, points, surface[:, :3], surface[:, 3:6], surface[:, 6:], crossings)
 
 
 def rays_through(rng: np.random.Generator, box: ArrayLike, n: int) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ TYPES = {
     "double": "<f8",
     "float": "<f4",
     "uint8_t": "u1",
+    "int16_t": "<i2",
     "uint16_t": "<u2",
     "uint32_t": "<u4",
     "uint64_t": "<u8",

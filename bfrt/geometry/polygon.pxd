@@ -1,14 +1,23 @@
 """Polygon: any number of vertices, concave or convex, in one plane as nearly as floats allow."""
 
-from libc.math cimport INFINITY
+from libc.math cimport INFINITY, fabs
 from libc.stdint cimport uint32_t
 
 from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, point
-from bfrt.geometry.triangle cimport permuted, steepest
-from bfrt.geometry.vector cimport (
-    Line, Vec, add, along, cross, dot, highest, lowest, scale, sub, unit, vec,
+from bfrt.geometry.outline cimport (
+    Shear, edge_crossed, edge_met, edge_side, shear_along, sheared, steepest,
 )
+from bfrt.geometry.vector cimport (
+    Line, Vec, add, cross, dot, highest, larger, largest, lowest, scale, smaller, sub, unit, vec,
+)
+
+cdef extern from *:
+    """
+    /* Of a sum of three products, with room: units in the last place of its terms. */
+    #define BFRT_ROUNDING 0x1p-48
+    """
+    const double ROUNDING "BFRT_ROUNDING"
 
 cdef struct Polygon:
     const unsigned char* vertices
@@ -16,7 +25,13 @@ cdef struct Polygon:
     Frame frame
     Vec center   # mean of the vertices: the plane goes through it
     Vec normal   # Newell's, unit
-    int drop     # the axis along which the outline is looked at
+    double thickness  # the most that a vertex is off the plane, rounding included
+
+# Whether a polygon owns a hit, as one of all faces at an edge or a corner does; whether the line
+# meets an edge of it.
+cdef struct Contact:
+    bint owned
+    bint on_edge
 
 
 cdef inline Vec vertex(const Polygon* s, uint32_t i) noexcept nogil:
@@ -48,27 +63,31 @@ cdef inline bint polygon_load(const unsigned char* record, uint32_t count, const
     if not dot(n, n) > 0.0:
         return False
     s.normal = unit(n)
-    s.drop = steepest(s.normal)
+    s.thickness = 0.0
+    for i in range(count):
+        a = vertex(s, i)
+        s.thickness = larger(fabs(dot(a, s.normal)) + ROUNDING * largest(a), s.thickness)
     return True
 
 
 cdef inline void polygon_bounds(const Polygon* s, Box* b) noexcept nogil:
-    """The vertices, and where each meets the plane along the dropped axis.
+    """The vertices, and where each meets the plane along the axis that is steepest to it.
 
-    A polygon is rarely quite flat. A hit is on its plane and inside its outline as seen along
-    that axis, so both together contain every hit.
+    A polygon is rarely quite flat, and a hit is on its plane: both together contain the hits of
+    one that is nearly so, and a hit of any other is brought into the box.
     """
     cdef Vec lo = vec(INFINITY, INFINITY, INFINITY), hi = scale(lo, -1.0)
     cdef Vec v, flat
     cdef uint32_t i
+    cdef int drop = steepest(s.normal)
     cdef double off
     for i in range(s.count):
         v = vertex(s, i)
         off = dot(v, s.normal)
         flat = v
-        if s.drop == 0:
+        if drop == 0:
             flat.x -= off / s.normal.x
-        elif s.drop == 1:
+        elif drop == 1:
             flat.y -= off / s.normal.y
         else:
             flat.z -= off / s.normal.z
@@ -77,37 +96,57 @@ cdef inline void polygon_bounds(const Polygon* s, Box* b) noexcept nogil:
     box_between(b, lo, hi)
 
 
-cdef inline bint polygon_contains(const Polygon* s, Vec p) noexcept nogil:
-    """Crossing number of the outline around p, seen along the dropped axis.
+cdef inline bint polygon_plane(const Polygon* s, const Line* l, const Span* span,
+                               double* t) noexcept nogil:
+    """Where the line meets the plane, brought into the span; false where that is out of it.
 
-    An edge counts where exactly one end is above p, so that a vertex counts once, and neighbours
-    that share an edge never both claim a point on it, nor both leave it: the edge decides, not the
-    way it is walked. (Of a ray that aims at the edge each finds a p of its own, though, rounding
-    included: only triangles are watertight.)
+    A line that passes inside the outline does so in the span, for that is where it is in the box.
+    Its t may be elsewhere by as much as the polygon is off its plane, and what was rounded, over
+    the slope: those are let through, and the outline decides.
     """
-    cdef bint inside = False
-    cdef Vec a = permuted(sub(vertex(s, s.count - 1), p), s.drop)
+    cdef double slope = dot(s.normal, l.d)
+    cdef Vec o = sub(l.o, s.center)
+    cdef double slack = (s.thickness + ROUNDING * largest(o)) / fabs(slope)
+    t[0] = -dot(s.normal, o) / slope
+    if t[0] + slack < span.near or t[0] - slack > span.far:
+        return False
+    t[0] = smaller(larger(t[0], span.near), span.far)
+    return t[0] > 0.0
+
+
+cdef inline Contact polygon_contact(const Polygon* s, const Line* l) noexcept nogil:
+    """What the outline, as the line sees it, says of the line (outline.pxd)."""
+    cdef Shear seen = shear_along(l)
+    cdef Contact c
+    cdef Vec a = sheared(&seen, point(s.vertices, 3 * (s.count - 1), &s.frame))
     cdef Vec b
     cdef double side
     cdef uint32_t i
+    c.owned = c.on_edge = False
     for i in range(s.count):
-        b = permuted(sub(vertex(s, i), p), s.drop)
-        if (a.y > 0.0) != (b.y > 0.0):
-            side = a.x * b.y - a.y * b.x
-            if side > 0.0 if b.y > a.y else side < 0.0:
-                inside = not inside
+        b = sheared(&seen, point(s.vertices, 3 * i, &s.frame))
+        if larger(a.y, b.y) >= 0.0 >= smaller(a.y, b.y):  # the edge reaches the x axis
+            side = edge_side(a, b)
+            c.owned ^= edge_crossed(a, b, side)
+            c.on_edge |= edge_met(a, b, side)
         a = b
-    return inside
+    return c
 
 
 cdef inline bint polygon_hit(const Polygon* s, const Line* l, const Span* span,
                              double* t) noexcept nogil:
-    cdef double slope = dot(s.normal, l.d)
-    cdef Vec o
-    if slope == 0.0:
+    """Whether the line meets the polygon, edges and corners included, beyond its origin.
+
+    Seen edge on, the outline is all edge: then it is a miss.
+    """
+    cdef Contact c
+    if not polygon_plane(s, l, span, t):
         return False
-    o = sub(l.o, s.center)
-    t[0] = -dot(s.normal, o) / slope
-    if not (t[0] > 0.0 and span.near <= t[0] <= span.far):
-        return False
-    return polygon_contains(s, along(o, l.d, t[0]))
+    c = polygon_contact(s, l)
+    return c.owned or (c.on_edge and dot(s.normal, l.d) != 0.0)
+
+
+cdef inline bint polygon_crossed(const Polygon* s, const Line* l, const Span* span,
+                                 double* t) noexcept nogil:
+    """Whether the polygon owns the hit: of faces that share an edge or a corner just one does."""
+    return polygon_plane(s, l, span, t) and polygon_contact(s, l).owned

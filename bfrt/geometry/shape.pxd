@@ -6,13 +6,13 @@ from bfrt.geometry.box cimport Box, Span
 from bfrt.geometry.cone cimport Cone, cone_bounds, cone_crossings, cone_hit, cone_load, cone_normal
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.patch cimport Patch, patch_load, patch_normal
-from bfrt.geometry.polygon cimport Polygon, polygon_bounds, polygon_hit, polygon_load
+from bfrt.geometry.polygon cimport Polygon, polygon_bounds, polygon_crossed, polygon_hit, polygon_load
 from bfrt.geometry.sphere cimport (
     Sphere, sphere_bounds, sphere_crossings, sphere_hit, sphere_load, sphere_normal,
 )
 from bfrt.geometry.triangle cimport (
-    Barycentric, Triangle, triangle_bounds, triangle_cut, triangle_hit, triangle_load,
-    triangle_normal,
+    Barycentric, Triangle, triangle_bounds, triangle_crossed, triangle_cut, triangle_hit,
+    triangle_load, triangle_normal, triangle_place,
 )
 from bfrt.geometry.vector cimport Line, Vec, along
 from bfrt.records cimport CONE, PATCH, SPHERE, TRIANGLE
@@ -28,8 +28,10 @@ cdef struct Shape:
     int kind
     AnyKind of
 
-# What a hit shows: the normal of the surface, the normal that shading uses, barycentric uv.
+# What a hit shows: its place on the surface, the normal of that, the normal that shading uses,
+# barycentric uv.
 cdef struct Surface:
+    Vec place
     Vec geometric
     Vec shading
     Barycentric uv
@@ -97,35 +99,46 @@ cdef inline void shape_meet(const Shape* s, Meeting* meetings, int n) noexcept n
 
 cdef inline int shape_crossings(const Shape* s, const Line* l, const Span* span,
                                 double* t) noexcept nogil:
-    """All hits in the span, ascending: two of a sphere or a cone at the most, else one. How many
-    they are."""
+    """All crossings in the span, ascending; how many they are.
+
+    A sphere or a cone has two at the most, and one where it is touched. Of faces that share an edge
+    or a corner just one has a crossing there.
+    """
     if s.kind == SPHERE:
         return sphere_crossings(&s.of.sphere, l, span, t)
     if s.kind == CONE:
         return cone_crossings(&s.of.cone, l, span, t)
     if s.kind == TRIANGLE:
-        return triangle_hit(&s.of.triangle, l, span, t)
+        return triangle_crossed(&s.of.triangle, l, span, t)
     if s.kind == PATCH:
-        return triangle_hit(&s.of.patch.face, l, span, t)
-    return polygon_hit(&s.of.polygon, l, span, t)
+        return triangle_crossed(&s.of.patch.face, l, span, t)
+    return polygon_crossed(&s.of.polygon, l, span, t)
+
+
+cdef inline void face_surface(const Triangle* s, const Line* l, Surface* out) noexcept nogil:
+    """Take place, normal and weights from a triangle.
+
+    The place is that of the weights, for o + t d leaves a sliver by the rounding of t.
+    """
+    cdef double again
+    triangle_cut(s, l, &again, &out.uv)
+    out.place = triangle_place(s, &out.uv)
+    out.geometric = triangle_normal(s)
 
 
 cdef inline void shape_surface(const Shape* s, const Line* l, double t,
                                Surface* out) noexcept nogil:
     """The surface where the line has hit at t."""
-    cdef Vec p = along(l.o, l.d, t)
-    cdef double again
+    out.place = along(l.o, l.d, t)
     out.uv.u = out.uv.v = 0.0
     if s.kind == SPHERE:
-        out.geometric = sphere_normal(&s.of.sphere, p)
+        out.geometric = sphere_normal(&s.of.sphere, out.place)
     elif s.kind == CONE:
-        out.geometric = cone_normal(&s.of.cone, p)
+        out.geometric = cone_normal(&s.of.cone, out.place)
     elif s.kind == TRIANGLE:
-        triangle_cut(&s.of.triangle, l, &again, &out.uv)
-        out.geometric = triangle_normal(&s.of.triangle)
+        face_surface(&s.of.triangle, l, out)
     elif s.kind == PATCH:
-        triangle_cut(&s.of.patch.face, l, &again, &out.uv)
-        out.geometric = triangle_normal(&s.of.patch.face)
+        face_surface(&s.of.patch.face, l, out)
     else:
         out.geometric = s.of.polygon.normal
     out.shading = out.geometric

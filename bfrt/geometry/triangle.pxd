@@ -1,10 +1,11 @@
 """Triangle: three vertices, counterclockwise from outside."""
 
-from libc.math cimport fabs
-
 from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, point
-from bfrt.geometry.vector cimport Line, Vec, cross, dot, highest, lowest, sub, unit, vec
+from bfrt.geometry.outline cimport Shear, edge_crossed, edge_side, shear_along, sheared
+from bfrt.geometry.vector cimport (
+    Line, Vec, add, cross, dot, highest, larger, lowest, scale, smaller, sub, unit,
+)
 
 cdef struct Triangle:
     Vec a
@@ -31,45 +32,16 @@ cdef inline void triangle_bounds(const Triangle* s, Box* b) noexcept nogil:
     box_between(b, lowest(lowest(s.a, s.b), s.c), highest(highest(s.a, s.b), s.c))
 
 
-cdef inline Vec permuted(Vec p, int k) noexcept nogil:
-    """The components, turned so that axis k comes last."""
-    if k == 0:
-        return vec(p.y, p.z, p.x)
-    if k == 1:
-        return vec(p.z, p.x, p.y)
-    return p
-
-
-cdef inline int steepest(Vec d) noexcept nogil:
-    """The axis of the largest magnitude."""
-    if fabs(d.x) >= fabs(d.y) and fabs(d.x) >= fabs(d.z):
-        return 0
-    return 1 if fabs(d.y) >= fabs(d.z) else 2
-
-
-cdef inline Vec sheared(Vec p, Vec o, Vec d, int k) noexcept nogil:
-    """p seen along the ray: its distance from the ray in x and y, its t in z."""
-    cdef Vec q = permuted(sub(p, o), k)
-    cdef double t = q.z / d.z
-    return vec(q.x - t * d.x, q.y - t * d.y, t)
-
-
 cdef inline bint triangle_cut(const Triangle* s, const Line* l, double* t,
                               Barycentric* at) noexcept nogil:
-    """Where the line meets the triangle, by the watertight test of Woop, Benthin and Wald (2013).
-
-    Each vertex is sheared by the ray alone, so that two triangles agree on a shared edge and no
-    ray passes between them. Ours is in float64 throughout, has no second try at higher precision,
-    and shears z too, to t.
-    """
-    cdef int k = steepest(l.d)
-    cdef Vec d = permuted(l.d, k)
-    cdef Vec a = sheared(s.a, l.o, d, k)
-    cdef Vec b = sheared(s.b, l.o, d, k)
-    cdef Vec c = sheared(s.c, l.o, d, k)
-    cdef double u = c.x * b.y - c.y * b.x
-    cdef double v = a.x * c.y - a.y * c.x
-    cdef double w = b.x * a.y - b.y * a.x
+    """Where the line meets the triangle, edges and corners included (outline.pxd)."""
+    cdef Shear seen = shear_along(l)
+    cdef Vec a = sheared(&seen, s.a)
+    cdef Vec b = sheared(&seen, s.b)
+    cdef Vec c = sheared(&seen, s.c)
+    cdef double u = edge_side(c, b)
+    cdef double v = edge_side(a, c)
+    cdef double w = edge_side(b, a)
     cdef double det
     if (u < 0.0 or v < 0.0 or w < 0.0) and (u > 0.0 or v > 0.0 or w > 0.0):
         return False
@@ -84,8 +56,37 @@ cdef inline bint triangle_cut(const Triangle* s, const Line* l, double* t,
 
 cdef inline bint triangle_hit(const Triangle* s, const Line* l, const Span* span,
                               double* t) noexcept nogil:
+    """Whether the line meets the triangle beyond its origin.
+
+    It does so within the span, if it does, but for the rounding of t, which of a sliver is more
+    than boxes have room for: t is brought into the span, and no ray passes for that.
+    """
     cdef Barycentric at
-    return triangle_cut(s, l, t, &at) and t[0] > 0.0 and span.near <= t[0] <= span.far
+    if not triangle_cut(s, l, t, &at):
+        return False
+    t[0] = smaller(larger(t[0], span.near), span.far)
+    return t[0] > 0.0
+
+
+cdef inline bint triangle_crossed(const Triangle* s, const Line* l, const Span* span,
+                                  double* t) noexcept nogil:
+    """Whether the triangle owns the hit: of those that share an edge or a corner just one does."""
+    cdef Shear seen
+    cdef Vec a, b, c
+    if not triangle_hit(s, l, span, t):
+        return False
+    seen = shear_along(l)
+    a, b, c = sheared(&seen, s.a), sheared(&seen, s.b), sheared(&seen, s.c)
+    return (
+        edge_crossed(a, b, edge_side(a, b))
+        ^ edge_crossed(b, c, edge_side(b, c))
+        ^ edge_crossed(c, a, edge_side(c, a))
+    )
+
+
+cdef inline Vec triangle_place(const Triangle* s, const Barycentric* at) noexcept nogil:
+    """The point of these weights: on the triangle within rounding, however thin that is."""
+    return add(s.a, add(scale(sub(s.b, s.a), at.u), scale(sub(s.c, s.a), at.v)))
 
 
 cdef inline Vec triangle_normal(const Triangle* s) noexcept nogil:

@@ -2,8 +2,8 @@
 
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from bfrt.geometry.far cimport Bounds, advance_far
-from bfrt.geometry.vector cimport Line, Vec, add, length, line, scale, unit, vec
+from bfrt.geometry.far cimport Bounds, advance_far, bounds_of
+from bfrt.geometry.vector cimport Line, Vec, add, line, scale, unit, vec
 from bfrt.records cimport EYE, Queued
 
 
@@ -41,20 +41,14 @@ def eye_rays(int64_t first, Queued[::1] out, const double[:, ::1] view, int widt
     cdef Vec forward = vec(view[1, 0], view[1, 1], view[1, 2])
     cdef Vec right = vec(view[2, 0], view[2, 1], view[2, 2])
     cdef Vec up = vec(view[3, 0], view[3, 1], view[3, 2])
-    cdef Bounds b
+    cdef Bounds b = bounds_of(bounds)
     cdef int64_t i, index
     cdef uint32_t pixel, s
     cdef uint64_t seed, row
     cdef double x, y
-    cdef int k, across = width + 1 if samples == 0 else width
+    cdef int across = width + 1 if samples == 0 else width
     cdef Line l
     cdef Queued* q
-    for k in range(3):
-        b.lo[k] = bounds[0, k]
-        b.hi[k] = bounds[1, k]
-    b.diagonal = length(
-        vec(b.hi[0] - b.lo[0], b.hi[1] - b.lo[1], b.hi[2] - b.lo[2])
-    )
     with nogil:
         for i in range(out.shape[0]):
             index = first + i
@@ -75,5 +69,5 @@ def eye_rays(int64_t first, Queued[::1] out, const double[:, ::1] view, int widt
             q = &out[i]
             q.ox, q.oy, q.oz = l.o.x, l.o.y, l.o.z
             q.dx, q.dy, q.dz = l.d.x, l.d.y, l.d.z
-            q.pixel, q.sample, q.kind = pixel, s, EYE
+            q.pixel, q.sample, q.kind, q.power = pixel, s, EYE, 0
             q.red = q.green = q.blue = 1.0

@@ -2,7 +2,7 @@
 
 cimport cython
 from libc.math cimport fabs, sqrt
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
 
 from bfrt.errors import StoreError
 from bfrt.geometry.box cimport Box
@@ -175,13 +175,12 @@ cdef class Shader:
                         const Material* m, bint last) noexcept nogil:
         cdef Line l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
         cdef Vec d = unit(l.d)
-        cdef Vec p = along(l.o, l.d, h.t)
-        cdef Vec offset, seen
+        cdef Vec p, offset, seen
         cdef Surface s
         cdef bint outside
         cdef int64_t k
         shape_surface(shape, &l, h.t, &s)
-        seen = s.shading
+        p, seen = s.place, s.shading
         # Two-sided: both normals are turned to the ray, the shading one to the other's side.
         outside = dot(s.geometric, d) < 0.0
         if not outside:
@@ -261,11 +260,11 @@ cdef class Shader:
         )
         self.reflection += 1
 
-    cdef void send(self, uint32_t kind, const Hit* h, Vec o, Vec d, double red, double green,
+    cdef void send(self, uint16_t kind, const Hit* h, Vec o, Vec d, double red, double green,
                    double blue) noexcept nogil:
         cdef Queued* q = &self.out[self.waiting]
         q.ox, q.oy, q.oz = o.x, o.y, o.z
         q.dx, q.dy, q.dz = d.x, d.y, d.z
-        q.pixel, q.sample, q.kind = h.pixel, h.sample, kind
+        q.pixel, q.sample, q.kind, q.power = h.pixel, h.sample, kind, 0
         q.red, q.green, q.blue = <float>red, <float>green, <float>blue
         self.waiting += 1

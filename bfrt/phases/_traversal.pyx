@@ -1,7 +1,7 @@
 """The walks: a ray's candidate voxels, and the sentinel where its next pass begins."""
 
 from libc.math cimport INFINITY
-from libc.stdint cimport int32_t, int64_t, uint8_t, uint32_t, uint64_t
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memmove
 
 from bfrt.geometry.grid cimport (
@@ -97,7 +97,7 @@ cdef inline void take_over(Ray* r, Path* p, const double* line,
     memcpy(p, path, sizeof(Path))
 
 
-cdef inline void begin(Ray* r, double t, uint64_t id, uint32_t kind) noexcept nogil:
+cdef inline void begin(Ray* r, double t, uint64_t id, uint16_t kind) noexcept nogil:
     """A ray that has not yet met the grid."""
     r.t, r.id = t, id
     r.voxel = NOWHERE
@@ -369,7 +369,7 @@ cdef inline void finish_hit(const Ray* r, const Path* p, Hit* h) noexcept nogil:
     h.ox, h.oy, h.oz = r.ox, r.oy, r.oz
     h.dx, h.dy, h.dz = r.dx, r.dy, r.dz
     h.t, h.id = r.t, r.id
-    h.pixel, h.sample, h.kind = p.pixel, p.sample, p.kind
+    h.pixel, h.sample, h.kind, h.power = p.pixel, p.sample, p.kind, p.power
     h.red, h.green, h.blue = p.red, p.green, p.blue
 
 

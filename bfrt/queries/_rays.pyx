@@ -1,11 +1,11 @@
 """Rays as somebody gives them, and the surfaces that they hit."""
 
-from libc.math cimport INFINITY, isfinite, isnan, nextafter
+from libc.math cimport INFINITY, isfinite, isnan, ldexp, nextafter
 from libc.stdint cimport int64_t, uint64_t
 
-from bfrt.geometry.far cimport Bounds, advance_far
+from bfrt.geometry.far cimport Bounds, advance_far, bounds_of, scale_extreme
 from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
-from bfrt.geometry.vector cimport Line, along, length, line, vec
+from bfrt.geometry.vector cimport Line, Vec, along, line, smaller, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport NO_HIT, Asked, Ray
 from bfrt.scene.sweep cimport Sweep, pick
@@ -21,6 +21,17 @@ cdef inline double end_of(double t_max, double moved) noexcept nogil:
     while t + moved >= t_max:  # which rounding may have brought up again
         t = nextafter(t, -INFINITY)
     return t
+
+
+cdef enum:
+    BEYOND = 1024  # two to this is no double
+
+
+cdef inline double scaled_end(double t_max, int power) noexcept nogil:
+    """t_max in lengths of a direction that was divided by a power of two. What would be no number
+    in lengths of the direction as it was given is beyond the end."""
+    cdef double t = ldexp(t_max, power)
+    return smaller(t, ldexp(1.0, BEYOND + power)) if power < 0 else t
 
 
 def ask(const double[:, ::1] origins, const double[:, ::1] directions, const double[::1] t_min,
@@ -43,7 +54,8 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     kind : int
         What rays of theirs are.
     out : (n,) records.ASKED
-        OUT. Far origins are brought nearer (exactness rule 6); `moved` is the t of that.
+        OUT. Far origins are brought nearer (exactness rule 6); `moved` is the t of that. Extreme
+        directions are divided by two to the `power`, by which each t of theirs is multiplied.
 
     Returns
     -------
@@ -51,29 +63,26 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
         Rays that are NaN, infinite or of no length, and such that have a NaN for an end. They hit
         nothing.
     """
-    cdef Bounds b
+    cdef Bounds b = bounds_of(bounds)
     cdef Line l
+    cdef Vec d
     cdef Ray r
     cdef Asked* a
     cdef double x = origin[0], y = origin[1], z = origin[2]
     cdef int64_t i, bad = 0
-    cdef int k
-    for k in range(3):
-        b.lo[k] = bounds[0, k]
-        b.hi[k] = bounds[1, k]
-    b.diagonal = length(vec(b.hi[0] - b.lo[0], b.hi[1] - b.lo[1], b.hi[2] - b.lo[2]))
+    cdef int power
     with nogil:
         for i in range(out.shape[0]):
             a = &out[i]
             a.number, a.kind, a.count = first + <uint64_t>i, kind, 0
             a.id, a.moved = NO_HIT, 0.0
-            l = line(
-                vec(origins[i, 0] - x, origins[i, 1] - y, origins[i, 2] - z),
-                vec(directions[i, 0], directions[i, 1], directions[i, 2]),
-            )
+            d = vec(directions[i, 0], directions[i, 1], directions[i, 2])
+            power = scale_extreme(&d)
+            a.power = power
+            l = line(vec(origins[i, 0] - x, origins[i, 1] - y, origins[i, 2] - z), d)
             if t_min[i] != 0.0:
-                l.o = along(l.o, l.d, t_min[i])
-                a.moved = t_min[i]
+                a.moved = ldexp(t_min[i], power)
+                l.o = along(l.o, l.d, a.moved)
             r.ox, r.oy, r.oz = l.o.x, l.o.y, l.o.z
             r.dx, r.dy, r.dz = l.d.x, l.d.y, l.d.z
             if ray_bad(&r) or isnan(t_max[i]):
@@ -82,7 +91,7 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
                 a.t = -1.0
             else:
                 a.moved += advance_far(&l, &b)
-                a.t = end_of(t_max[i], a.moved)
+                a.t = end_of(scaled_end(t_max[i], power), a.moved)
             a.ox, a.oy, a.oz = l.o.x, l.o.y, l.o.z
             a.dx, a.dy, a.dz = l.d.x, l.d.y, l.d.z
     return bad

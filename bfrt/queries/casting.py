@@ -413,7 +413,7 @@ def _resolve(
                 counters.sweep(0, group, begins)
                 counters.phases.shading.swept(group)
             found["number"], found["key"] = some["number"], some["id"]
-            found["t"] = some["t"] + some["moved"]
+            found["t"] = np.ldexp(some["t"] + some["moved"], -some["power"])
             found["normal"], found["uv"] = normals, uvs
             append(found)
         counters.phases.shading.spooled(hits)

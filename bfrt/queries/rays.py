@@ -132,7 +132,8 @@ def _rows(name: str, given: Any) -> Array:
     """Rows (n, 3) of float32, float64 or whole numbers; a file's are read when they are needed."""
     file = isinstance(given, (str, os.PathLike))
     array: Array = _stored(name, os.fspath(given)) if file else Held(name, given)
-    numbers = array.dtype in (np.float32, np.float64) or array.dtype.kind in "iu"
+    floats = array.dtype.newbyteorder("=") in (np.float32, np.float64)
+    numbers = floats or array.dtype.kind in "iu"
     if len(array.shape) != 2 or array.shape[1] != 3 or not numbers:
         raise SettingError(
             f"{array.name}: found {array.dtype} of shape {array.shape}, "

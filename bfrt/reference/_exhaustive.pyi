@@ -3,11 +3,11 @@ from numpy.typing import NDArray
 
 from bfrt.scene.sweep import Sweep
 
+def scale_directions(directions: NDArray[np.float64], powers: NDArray[np.int32]) -> None: ...
 def bring_near(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
     bounds: NDArray[np.float64],
-    diagonal: float,
     moved: NDArray[np.float64],
 ) -> None: ...
 def lines(

@@ -4,11 +4,11 @@ from libc.math cimport NAN
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, box_span
-from bfrt.geometry.far cimport Bounds, advance_far
+from bfrt.geometry.far cimport Bounds, advance_far, bounds_of, scale_extreme
 from bfrt.geometry.shape cimport (
     Meeting, Shape, shape_bounds, shape_crossings, shape_load, shape_meet,
 )
-from bfrt.geometry.vector cimport Line, line, vec
+from bfrt.geometry.vector cimport Line, Vec, line, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport INDEX_BITS, Ray
 from bfrt.scene.sweep cimport Sweep, advance
@@ -37,8 +37,27 @@ cdef inline void settle(const Meeting* met, int n, uint64_t id, Nearest* nearest
             nearest.id[ray] = id
 
 
+def scale_directions(double[:, ::1] directions, int[::1] powers):
+    """Divide extreme directions by powers of two.
+
+    Parameters
+    ----------
+    directions : (n, 3) float64
+        IN, OUT.
+    powers : (n,) int32
+        OUT. 0 for those that stay as they are.
+    """
+    cdef Vec d
+    cdef int64_t i
+    with nogil:
+        for i in range(directions.shape[0]):
+            d = vec(directions[i, 0], directions[i, 1], directions[i, 2])
+            powers[i] = scale_extreme(&d)
+            directions[i, 0], directions[i, 1], directions[i, 2] = d.x, d.y, d.z
+
+
 def bring_near(double[:, ::1] origins, const double[:, ::1] directions,
-               const double[:, ::1] bounds, double diagonal, double[::1] moved):
+               const double[:, ::1] bounds, double[::1] moved):
     """Bring rays that start far away nearer (exactness rule 6).
 
     Parameters
@@ -48,19 +67,14 @@ def bring_near(double[:, ::1] origins, const double[:, ::1] directions,
     directions : (n, 3) float64
         IN.
     bounds : (2, 3) float64
-        IN. The scene's, and their diagonal.
+        IN. The scene's.
     moved : (n,) float64
         OUT. The t by which each has come nearer.
     """
-    cdef Bounds b
+    cdef Bounds b = bounds_of(bounds)
     cdef Line ray
     cdef Ray r
     cdef int64_t i
-    cdef int k
-    for k in range(3):
-        b.lo[k] = bounds[0, k]
-        b.hi[k] = bounds[1, k]
-    b.diagonal = diagonal
     with nogil:
         for i in range(origins.shape[0]):
             r.ox, r.oy, r.oz = origins[i, 0], origins[i, 1], origins[i, 2]

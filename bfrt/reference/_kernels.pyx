@@ -15,7 +15,7 @@ from bfrt.geometry.lattice cimport Lattice
 from bfrt.geometry.power cimport power as core_power
 from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.shape cimport (
-    Meeting, Shape, Surface, shape_bounds, shape_load, shape_meet, shape_surface,
+    Meeting, Shape, Surface, shape_bounds, shape_crossings, shape_load, shape_meet, shape_surface,
 )
 from bfrt.geometry.sphere cimport sphere_boxes as core_sphere_boxes, sphere_union
 from bfrt.geometry.vector cimport Line, Vec, line, vec
@@ -233,6 +233,8 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
         inf for a miss.
     surface : (n, 8) float64
         Geometric normal, shading normal, u, v at each hit.
+    crossings : (n,) int64
+        How many the object owns.
     """
     cdef Frame frame
     cdef Shape shape
@@ -243,6 +245,8 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     cdef int k
     cdef double[::1] t = np.full(origins.shape[0], np.inf)
     cdef double[:, ::1] surface = np.full((origins.shape[0], 8), np.nan)
+    cdef int64_t[::1] crossings = np.zeros(origins.shape[0], np.int64)
+    cdef double crossing[2]
     cdef float[::1] box = np.empty(6, np.float32)
     frame.wide = True
     frame.origin = vec(origin[0], origin[1], origin[2])
@@ -257,6 +261,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
         m.line = line_of(origins, directions, i)
         if not box_span(&b, grow, &m.line, &m.span):
             continue
+        crossings[i] = shape_crossings(&shape, &m.line, &m.span, &crossing[0])
         shape_meet(&shape, &m, 1)
         if m.t < 0.0:
             continue
@@ -265,7 +270,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
         put(surface, i, 0, s.geometric)
         put(surface, i, 3, s.shading)
         surface[i, 6], surface[i, 7] = s.uv.u, s.uv.v
-    return np.asarray(box), np.asarray(t), np.asarray(surface)
+    return np.asarray(box), np.asarray(t), np.asarray(surface), np.asarray(crossings)
 
 
 cdef void put(double[:, ::1] rows, int64_t i, int k, Vec v):

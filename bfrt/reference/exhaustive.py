@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SettingError
 from bfrt.phases.preprocess import growth
 from bfrt.records import NO_HIT
-from bfrt.reference._exhaustive import bring_near, cross, lines, meet
+from bfrt.reference._exhaustive import bring_near, cross, lines, meet, scale_directions
 from bfrt.scene.store import Store
 from bfrt.scene.sweep import Sweep
 from bfrt.workers import Workers
@@ -80,14 +80,15 @@ def nearest(
 
     def chunk(worker: int, first: int, last: int) -> None:
         part = slice(first, last)
-        near, moved = advanced(store, start[part], way[part])
+        along, powers = scaled(way[part])
+        near, moved = advanced(store, start[part], along)
         rays = np.empty((last - first, LINE_DOUBLES))
-        lines(near, way[part], rays)
+        lines(near, along, rays)
         for stream, sweep in zip(store.streams, sweeps[worker], strict=True):
             sweep.rewind()
             sweep.window(0, stream.count)
             meet(sweep, stream.count, grow, rays, t[part], ids[part])
-        t[part] += moved  # only now: rounded, two hits might tie
+        t[part] = lengths(t[part] + moved, powers)  # only now: rounded, two hits might tie
 
     workers = Workers(threads)
     try:
@@ -127,6 +128,7 @@ def crossings(
     id : (m,) uint64
     """
     start, way = _rays(origins, directions)
+    way, powers = scaled(way)
     near, moved = advanced(store, start, way)
     rays = np.empty((len(start), LINE_DOUBLES))
     lines(near, way, rays)
@@ -136,11 +138,25 @@ def crossings(
         sweep.window(0, stream.count)
         cross(sweep, stream.count, growth(store), rays, found)
     ray = np.array([f[0] for f in found], np.int64)
-    t = np.array([f[1] for f in found], np.float64) + moved[ray]
+    t = lengths(np.array([f[1] for f in found], np.float64) + moved[ray], powers[ray])
     ids = np.array([f[2] for f in found], np.uint64)
     order = np.lexsort((ids, t, ray))
     before = order[(t < np.broadcast_to(np.asarray(t_max, np.float64), len(start))[ray])[order]]
     return ray[before], t[before], ids[before]
+
+
+def scaled(directions: ArrayLike) -> tuple[Array, NDArray[np.int32]]:
+    """Directions (n, 3), extreme ones divided by powers of two, and the powers (n,)."""
+    way = np.array(directions, np.float64)
+    powers = np.zeros(len(way), np.int32)
+    scale_directions(way, powers)
+    return way, powers
+
+
+def lengths(t: Array, powers: NDArray[np.int32]) -> Array:
+    """t (n,) in lengths of directions as they were before they were divided by powers of two."""
+    with np.errstate(over="ignore"):  # then it is no number, and a miss
+        return np.ldexp(t, -powers)
 
 
 def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
@@ -164,7 +180,7 @@ def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[A
     if store.bounds.empty:
         return near, np.zeros(len(start))
     bounds = np.stack([store.bounds.lo, store.bounds.hi])
-    bring_near(near, way, bounds, store.bounds.diagonal, moved)
+    bring_near(near, way, bounds, moved)
     return near, moved
 
 

@@ -17,8 +17,8 @@ the conventions:
 - a cone has no end caps, and its radius is linear along the axis;
 - a patch is a triangle: three corners, then three normals;
 - a polygon may be concave; its plane has Newell's normal and goes through the mean of its vertices,
-  its inside has an odd winding number, seen along the normal's largest axis (which matters only
-  where it is not quite flat);
+  its inside has an odd winding number, seen along the normal's largest axis (the core looks along
+  the ray, which matters only where it is not quite flat);
 - touching counts, and degenerate objects are never hit;
 - an id is ``kind << 48 | index``, and the nearest hit is the least (t, id) with 0 < t < t_max.
 

@@ -30,7 +30,7 @@ def test_bounds_contain_all_hits(seed, warp):
     vertices = random_polygon(rng, warp)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     probe = np.concatenate([low - warp, high + warp])
-    met = meet(Kind.POLYGON, vertices, *rays_through(rng, probe, 3000))
+    met = meet(Kind.POLYGON, vertices, *rays_through(rng, probe, 3000), 0.0)
     assert met.hit.sum() > 50
     assert outside(met.box, met.points[met.hit]).max() <= 1e-14
     if warp == 0.0:
@@ -59,8 +59,9 @@ def test_concave_and_wound_twice():
         assert meet(Kind.POLYGON, vertices, [point], down).hit[0] == hit
 
 
-def test_tiles_share_no_point_and_leave_none():
-    """Six polygons tile a square: every ray, also at their edges and vertices, hits just one."""
+def test_tiles_own_each_point_once():
+    """Six polygons tile a square: every ray hits one or more, also at their edges and vertices, and
+    is owned by just one."""
     tiles = [
         [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)],
         [(2, 0), (4, 0), (4, 2), (3, 2), (2, 1)],
@@ -73,13 +74,18 @@ def test_tiles_share_no_point_and_leave_none():
     for axes in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
         origins = np.column_stack([xy, np.full(len(xy), 3.0)])[:, axes]
         direction = np.array([0.0, 0.0, -1.0])[axes]
-        hits = np.zeros(len(xy), int)
+        ways = np.tile(direction, (len(xy), 1))
+        hits, owned = np.zeros((2, len(xy)), int)
         for tile in tiles:
             vertices = np.column_stack([tile, np.zeros(len(tile))])[:, axes]
-            hits += meet(Kind.POLYGON, vertices, origins, np.tile(direction, (len(xy), 1))).hit
+            met = meet(Kind.POLYGON, vertices, origins, ways)
+            hits += met.hit
+            owned += met.crossings
+        assert (hits >= 1).all()
         inside = (xy > 0).all(axis=1) & (xy < 4).all(axis=1)
-        np.testing.assert_array_equal(hits[inside], 1)
-        assert hits.max() == 1
+        np.testing.assert_array_equal(owned[inside], 1)
+        assert owned.max() == 1
+        assert hits.max() > 1
 
 
 def test_in_the_plane_is_a_miss():
