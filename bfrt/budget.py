@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
@@ -74,6 +74,10 @@ FEWEST_RAYS = 4096
 
 #: A candidate slot each, four of which a ray gets at the least.
 CANDIDATES_A_RAY = 4
+
+#: Candidates of a ray that there is room for where rays are few: the longest way through a cube of
+#: the most voxels steps to fewer. One that has more takes another pass.
+MOST_CANDIDATES = 4 << VOXEL_BITS // 3
 
 #: A hit in the shading phase: itself, its sorted copy, its id and its place in the order.
 SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
@@ -168,6 +172,17 @@ class Capacities:
     def bands(self, height: int) -> int:
         """Bands of rows in which an image so high is rendered."""
         return -(-height // self.rows)
+
+    def for_rays(self, count: int) -> Capacities:
+        """Take no memory that so few rays cannot fill: a page that is touched is a page cleared."""
+        rays = min(self.rays, max(count, 1))
+        freed = (self.rays - rays) * RAY_BYTES // CANDIDATE_BYTES
+        most = rays * MOST_CANDIDATES
+        return replace(self, rays=rays, candidates=min(self.candidates + freed, most))
+
+    def for_hits(self, count: int) -> Capacities:
+        """Take no memory that so few hits cannot fill, twice over, for half of it sorts them."""
+        return replace(self, hits=min(self.hits, 2 * count), queue=min(self.queue, count))
 
 
 def frame_bytes(width: int, height: int, samples: int, extra: int) -> int:

@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 
 
 class Met(NamedTuple):
-    """What rays met: an object's box, and for each ray t, the point, normals, uv, and how many
-    crossings the object owns."""
+    """What rays met: an object's box, and for each ray t, the point, normals, uv, its place
+    on the surface, and how many crossings the object owns."""
 
     box: NDArray[np.float32]
     t: Array
@@ -24,6 +24,7 @@ class Met(NamedTuple):
     geometric: Array
     shading: Array
     uv: Array
+    places: Array
     crossings: NDArray[np.int64]
 
     @property
@@ -47,7 +48,8 @@ def meet(
     box, t, surface, crossings = _kernels.meet(kind, numbers, offset, grow, start, way)
     with np.errstate(invalid="ignore"):
         points = start + t[:, None] * way
-    return Met(box, t, points, surface[:, :3], surface[:, 3:6], surface[:, 6:], crossings)
+    geometric, shading, uv, places = np.split(surface, [3, 6, 8], axis=1)
+    return Met(box, t, points, geometric, shading, uv, places, crossings)
 
 
 def rays_through(rng: np.random.Generator, box: ArrayLike, n: int) -> tuple[Array, Array]:

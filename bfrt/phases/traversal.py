@@ -170,7 +170,7 @@ class Flight:
         self.lattice = ground.slabs.lattice
         self._slabs, self.voxel_rays, self._outliers = ground
         self._starts = np.empty(2 * ground.slabs.count + 1, np.int64)
-        self._order[:] = np.arange(len(self._order), dtype=np.uint32)  # a single slab keeps this
+        self._ordered = 0
 
     @property
     def rays(self) -> NDArray[Any]:
@@ -248,6 +248,7 @@ class Flight:
         """Walk rays, from `base` on, to their sentinels; returns the candidates found."""
         slabs, starts, order = self._slabs, self._starts, self._order
         if slabs.count == 1:
+            self._order_as_they_are()
             starts[:] = base, self.active, self.active
         else:
             arrange(self.rays, base, self.lattice, slabs.slab_of, starts, order)
@@ -263,6 +264,15 @@ class Flight:
         counters.phases.traversal.bytes_read += slabs.bytes_read
         slabs.bytes_read = 0
         return int(used[0])
+
+    def _order_as_they_are(self) -> None:
+        """Order the active rays for a single slab, which keeps this: no more of the memory is
+        touched than there are rays."""
+        if self._ordered < self.active:
+            self._order[self._ordered : self.active] = np.arange(
+                self._ordered, self.active, dtype=np.uint32
+            )
+            self._ordered = self.active
 
     def _walk_slab(
         self, slab: int, begin: int, end: int, used: NDArray[np.int64], counters: Counters

@@ -146,8 +146,8 @@ def cast_rays(
     one t the object of the least id counts. The answer is the same, bit for bit, whatever the
     memory, the threads and the refinement.
     """
-    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
+    query = _ask(scene, known, known, **settings)
     check_out(HIT_FIELDS, known, out)
     queue = AskedRays(query.store, blocks, RayKind.EYE)
     with Answers(query, ANSWER) as answers:
@@ -189,8 +189,8 @@ def occluded(
     Answer
         ``occluded`` (n,) bool.
     """
-    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
+    query = _ask(scene, known, known, **settings)
     check_out(OCCLUDED, known, out)
     with Answers(query, NUMBERED) as answers:
         queue = AskedRays(query.store, blocks, RayKind.SHADOW)
@@ -224,8 +224,8 @@ def count_intersections(
     Answer
         ``counts`` (n,) int64.
     """
-    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
+    query = _ask(scene, known, known, **settings)
     check_out(COUNTS, known, out)
     with Answers(query, COUNTED) as answers:
         queue = AskedRays(query.store, blocks, RayKind.EYE)
@@ -257,8 +257,8 @@ def list_intersections(
         ``ray_splits`` (n + 1,) int64: ray i has the rows [ray_splits[i], ray_splits[i + 1]) of
         the other arrays, ordered by t, then id: those of `cast_rays`, and ``ray_ids`` (m,) int64.
     """
-    query = _ask(scene, **settings)
     blocks, known = rays_of(origins, directions, t_min, t_max)
+    query = _ask(scene, known, None, **settings)
     folder = _folder_of(out)
     queue = AskedRays(query.store, blocks, RayKind.EYE)
     with Answers(query, ANSWER) as answers:
@@ -329,6 +329,8 @@ class Answers:
 
 def _ask(
     scene: Store | str | os.PathLike[str],
+    rays: int | None,
+    hits: int | None,
     *,
     memory: str | int | None = None,
     threads: int | None = None,
@@ -338,12 +340,14 @@ def _ask(
     max_grid: int | None = None,
     scratch: str | os.PathLike[str] | None = None,
 ) -> _Query:
-    """Check the settings, and divide the budget."""
+    """Check the settings, and divide the budget: for so many rays and hits, where that is known."""
     store = scene if isinstance(scene, Store) else open_store(scene)
     plan, stats = plan_of(
         store, 0, 0, 1,
         memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
     )  # fmt: skip
+    plan = plan if rays is None else plan.for_rays(rays)
+    plan = plan if hits is None else plan.for_hits(hits)
     return _Query(store, plan, scratch_folder(scratch, store.path), refine, stats, fresh_marks)
 
 

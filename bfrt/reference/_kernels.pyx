@@ -231,8 +231,8 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     box : (6,) float32
     t : (n,) float64
         inf for a miss.
-    surface : (n, 8) float64
-        Geometric normal, shading normal, u, v at each hit.
+    surface : (n, 11) float64
+        Geometric normal, shading normal, u, v, place at each hit.
     crossings : (n,) int64
         How many the object owns.
     """
@@ -244,7 +244,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     cdef int64_t i
     cdef int k
     cdef double[::1] t = np.full(origins.shape[0], np.inf)
-    cdef double[:, ::1] surface = np.full((origins.shape[0], 8), np.nan)
+    cdef double[:, ::1] surface = np.full((origins.shape[0], 11), np.nan)
     cdef int64_t[::1] crossings = np.zeros(origins.shape[0], np.int64)
     cdef double crossing[2]
     cdef float[::1] box = np.empty(6, np.float32)
@@ -270,6 +270,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
         put(surface, i, 0, s.geometric)
         put(surface, i, 3, s.shading)
         surface[i, 6], surface[i, 7] = s.uv.u, s.uv.v
+        put(surface, i, 8, s.place)
     return np.asarray(box), np.asarray(t), np.asarray(surface), np.asarray(crossings)
 
 

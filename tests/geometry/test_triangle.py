@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
@@ -67,3 +68,30 @@ def test_no_ray_passes_between_neighbours(seed):
     for one, two in pairwise(rim):
         hits += meet(Kind.TRIANGLE, [hub, one, two], origins, target - origins).hit
     assert (hits >= 1).all()
+
+
+def height(corners, point):
+    """How far a point is off the plane of three corners, worked out without rounding."""
+    a, b, c, p = ([Fraction(float(x)) for x in row] for row in (*corners, point))
+    one, two, way = ([x - y for x, y in zip(row, a, strict=True)] for row in (b, c, p))
+    normal = [one[i - 2] * two[i - 1] - one[i - 1] * two[i - 2] for i in range(3)]
+    length = float(sum(n * n for n in normal)) ** 0.5
+    return abs(float(sum(n * w for n, w in zip(normal, way, strict=True)))) / length
+
+
+@pytest.mark.parametrize("aspect", [1e6, 1e8, 1e10])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_hit_on_a_sliver_has_its_place_on_it(seed, aspect):
+    """o + t d leaves it by the rounding of t, which grows with the aspect."""
+    rng = np.random.default_rng(seed)
+    a, along = rng.normal(size=(2, 3))
+    across = np.cross(along, rng.normal(size=3))
+    corners = np.array([a, a + along, a + 0.4 * along + across / aspect])
+    weights = rng.dirichlet([1, 1, 1], 200)
+    target = weights @ corners
+    directions = units(rng, 200)
+    met = meet(Kind.TRIANGLE, corners, target - 2 * directions, directions)
+    assert met.hit.sum() > 50
+    off = [height(corners, place) for place in met.places[met.hit]]
+    assert max(off) < 4e-15
+    assert max(height(corners, point) for point in met.points[met.hit]) > 100 * max(off)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import resource
 import sys
 from dataclasses import replace
+from fractions import Fraction
 
 import fast
 import numpy as np
@@ -168,6 +170,99 @@ def test_bad_rays_are_counted_and_hit_nothing(spheres, caplog):
         np.testing.assert_array_equal(answer[key], expected)
         assert answer.stats.bad_rays == 3
     assert "3 rays were NaN" in caplog.text
+
+
+def miss_distance(origin, direction):
+    """How far a line passes the origin of coordinates, worked out without rounding."""
+    o, d = ([Fraction(float(x)) for x in row] for row in (origin, direction))
+    cross = [o[i - 2] * d[i - 1] - o[i - 1] * d[i - 2] for i in range(3)]
+    return float(sum(c * c for c in cross) / sum(x * x for x in d)) ** 0.5
+
+
+@pytest.mark.parametrize("exponent", [5, 14, 15, 16, 17, 20, 40, 100, 250])
+def test_rays_from_far_away_lose_no_hit(tmp_path, exponent):
+    """Along an axis and slanted: what the line of float64 meets, a ray of it meets."""
+    with bfrt.SceneWriter(tmp_path / "ball.bfrt") as writer:
+        writer.spheres([[0.0, 0, 0]], [1.0])
+    scene = bfrt.open(tmp_path / "ball.bfrt")
+    rng = np.random.default_rng(exponent)
+    way = rng.normal(size=(300, 3))
+    way[:100] = np.eye(3)[rng.integers(3, size=100)] * rng.choice([-1, 1], (100, 1))
+    # Of any way float64 has places so far away that the line goes through the ball by chance only:
+    # whole numbers times a power of two do so always.
+    way[100:200] = rng.integers(-9, 10, (100, 3))
+    way[(way == 0).all(axis=1)] = [1.0, 2.0, 3.0]
+    aside = np.where(way == 0.0, rng.uniform(-0.9, 0.9, (300, 3)), 0.0)
+    origins = aside - 2.0 ** (np.log2(10) * exponent // 1) * way
+    passes = np.array([miss_distance(*ray) for ray in zip(origins, way, strict=True)])
+    assert (passes[:200] < 1.3).all()
+    answer = scene.cast_rays(origins, way)
+    sure = np.abs(passes - 1.0) > 1e-6
+    np.testing.assert_array_equal(np.isfinite(answer["t_hit"])[sure], (passes < 1.0)[sure])
+    counts = scene.count_intersections(origins, way)["counts"]
+    np.testing.assert_array_equal(counts[sure], 2 * (passes < 1.0)[sure])
+    t = np.abs(origins).max(axis=1) / np.abs(way).max(axis=1)
+    hit = np.isfinite(answer["t_hit"])
+    np.testing.assert_allclose(answer["t_hit"][hit], t[hit], rtol=1e-4)
+
+
+@pytest.mark.parametrize("power", [-1060, -1000, -538, -65, 0, 65, 500, 1020])
+def test_a_direction_has_any_length(tmp_path, planned, power):
+    """t counts in lengths of the direction, bit for bit; where it would be no number there is no
+    hit."""
+    scene, origins, directions = make(tmp_path, NAMES[0])
+    directions = directions[np.isfinite(origins).all(axis=1)]
+    origins = origins[np.isfinite(origins).all(axis=1)]
+    directions = directions.astype(np.float32).astype(float)  # few digits: no power of two costs one
+    expected = scene.cast_rays(origins, directions)
+    with np.errstate(over="ignore", under="ignore"):
+        scaled = np.ldexp(directions, power)
+        t = np.ldexp(expected["t_hit"], -power)
+    exact = (np.ldexp(scaled, -power) == directions).all(axis=1) & np.isfinite(scaled).all(axis=1)
+    exact &= (t == np.inf) | (np.abs(t) > 1e-300)
+    assert exact.sum() > 40
+    answer = scene.cast_rays(origins[exact], scaled[exact])
+    np.testing.assert_array_equal(answer["t_hit"], t[exact])
+    same = np.isfinite(t[exact])
+    for key in ("primitive_ids", "primitive_normals", "primitive_uvs"):
+        np.testing.assert_array_equal(answer[key][same], expected[key][exact][same])
+    assert (answer["primitive_ids"][~same] == -1).all()
+    every = scene.list_intersections(origins[exact], scaled[exact])
+    ray, t, ids = exhaustive.crossings(
+        scene, origins[exact] - np.array(scene.origin), scaled[exact]
+    )
+    np.testing.assert_array_equal(every["t_hit"], t)
+    np.testing.assert_array_equal(ids_of(every), ids)
+    nearest, ids = exhaustive.nearest(scene, origins[exact] - np.array(scene.origin), scaled[exact])
+    np.testing.assert_array_equal(answer["t_hit"], nearest)
+    assert answer.stats.bad_rays == (~directions[exact].any(axis=1)).sum()
+
+
+@pytest.mark.parametrize("dtype", [">f4", ">f8", ">i4"])
+def test_rays_of_any_byte_order(spheres, tmp_path, dtype):
+    o, d = np.array([[0, 0, 0], [1, 9, 2]], dtype), np.array([[2, 0, 0], [0, -3, -1]], dtype)
+    np.save(tmp_path / "o.npy", o)
+    expected = spheres.cast_rays(o.astype(float), d.astype(float), t_max=9.0)
+    for answer in (
+        spheres.cast_rays(o, d, t_max=np.array([9, 9], ">f8")),
+        spheres.cast_rays(tmp_path / "o.npy", d, t_max=9.0),
+    ):
+        for key, values in expected.items():
+            np.testing.assert_array_equal(answer[key], values)
+
+
+def test_a_call_of_one_ray_costs_alike_with_any_budget(tmp_path):
+    """By the pages that are touched, which the system clears."""
+    scene = bfrt.open(bfrt.spd.rings(2).write(tmp_path / "r.bfrt").path)
+
+    def pages(memory):
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        for _ in range(10):
+            scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), memory=memory, threads=1)
+        return (resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before) / 10
+
+    pages("64MiB")
+    assert pages("2GiB") < 1.2 * pages("64MiB") + 20
 
 
 def test_files_and_blocks_are_as_good_as_arrays(tmp_path, planned):
