@@ -17,8 +17,8 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases.picking import by_object
 from bfrt.records import HIT, SCALARS, Kind
 from bfrt.reference._kernels import meet, spans
-from bfrt.scene.columns import prepare
-from bfrt.scene.hierarchy import Hierarchy, Level
+from bfrt.store.columns import prepare
+from bfrt.store.hierarchy import Hierarchy, Level
 from bfrt.streams.reader import Reader, Tape
 from bfrt.streams.spool import Spool
 

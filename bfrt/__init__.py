@@ -19,25 +19,24 @@ from bfrt.errors import (
     StoreError,
     StreamError,
 )
-from bfrt.framing import framing_camera
 from bfrt.image.picture import Image
 from bfrt.planned import Plan
-from bfrt.planning import plan
-from bfrt.queries.casting import (
-    Answer,
+from bfrt.progress import Progress
+from bfrt.queries.casting import Answer
+from bfrt.scene import (
+    Scene,
+    SceneWriter,
     cast_rays,
     count_intersections,
+    framing_camera,
     list_intersections,
     occluded,
+    plan,
+    render,
 )
-from bfrt.rendering import render
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.model import Camera, Light, Material
-from bfrt.scene.store import Store
-from bfrt.scene.writer import SceneWriter
-from bfrt.scene_file import Scene
-from bfrt.scene_file import open_scene as open
-from bfrt.scheduler import Progress
+from bfrt.scene import open_scene as open
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Camera, Light, Material
 
 __version__ = "0.1.0"
 
@@ -59,7 +58,6 @@ __all__ = [
     "SceneWriter",
     "SettingError",
     "ShortReadError",
-    "Store",
     "StoreError",
     "StreamError",
     "cast_rays",

@@ -19,18 +19,18 @@ from pathlib import Path
 from typing import Any
 
 import bfrt
-from bfrt.budget import parse_memory
 from bfrt.conversion import READERS, convert, is_store, parse_spd, read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.framing import framing_camera
 from bfrt.image.picture import SUFFIXES
 from bfrt.planned import Plan
-from bfrt.planning import plan
 from bfrt.records import ON_REQUEST
-from bfrt.rendering import REFINEMENTS, aovs_of, at_least_one, render, scratch_folder
-from bfrt.scene.hierarchy import Hierarchy, parse_hierarchy
-from bfrt.scene.model import Camera
-from bfrt.scene.store import Store, bounds_to, open_store
+from bfrt.scene import Scene, open_scene
+from bfrt.settings import FINEST, REFINEMENTS, at_least_one, scratch_folder
+from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
+from bfrt.store.model import Camera
+from bfrt.store.store import Store, bounds_to, open_store
+from bfrt.view import aovs_of
 from bfrt.spd.mount import HASHES
 from bfrt.spd.recipe import SpdScene
 from bfrt.streams.aside import aside
@@ -136,7 +136,7 @@ def add_render(commands: Any) -> None:
     made.add_argument("--up", help="which way is up", **vector)
     made.add_argument("--angle", type=float, help="degrees from bottom to top")
     made.add_argument(
-        "--refine", choices=REFINEMENTS, default=REFINEMENTS[-1],
+        "--refine", choices=REFINEMENTS, default=FINEST,
         help="the paper's refinements: base none, sg lazy geometry, sgb the hierarchy too (sgb)",
     )  # fmt: skip
     made.add_argument(
@@ -259,10 +259,8 @@ def run_render(options: argparse.Namespace) -> None:
         return
     if not options.output:
         raise SettingError("render: nothing to write: expected -o FILE, or --plan")
-    memory = None if options.memory is None else parse_memory(options.memory)
-    with opened(options) as store:
-        settings = settings_of(options, store)
-        image = render(store, memory=memory, progress=wants_bar(options.quiet), **settings)
+    with opened(options) as scene:
+        image = scene.render(progress=wants_bar(options.quiet), **settings_of(options, scene))
     for output in options.output:
         image.save(output, half=options.half and output.lower().endswith(".exr"))
     assert image.stats is not None
@@ -279,15 +277,16 @@ def plan_asked(options: argparse.Namespace) -> Plan:
             f"{options.input}: found no scene store to plan for: expected one that bfrt convert "
             "or bfrt spd has made"
         )
-    store = open_store(options.input)
-    return plan(store, memory=options.memory, **settings_of(options, store))
+    scene = open_scene(options.input)
+    return scene.plan(**settings_of(options, scene))
 
 
-def settings_of(options: argparse.Namespace, store: Store) -> dict[str, Any]:
-    """What a render and its plan are told, but for the memory."""
+def settings_of(options: argparse.Namespace, scene: Scene) -> dict[str, Any]:
+    """What a render and its plan are told."""
     return {
+        "memory": options.memory,
         "threads": options.threads,
-        "camera": camera_of(options, store),
+        "camera": camera_of(options, scene.store),
         "samples": options.samples,
         "depth": options.depth,
         "aovs": options.aov,
@@ -394,8 +393,8 @@ def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
 
 
 @contextmanager
-def opened(options: argparse.Namespace) -> Iterator[Store]:
-    """The store to render: as given, or converted in the scratch folder and removed after."""
+def opened(options: argparse.Namespace) -> Iterator[Scene]:
+    """The scene to render: as given, or converted in the scratch folder and removed after."""
     if is_store(options.input):
         for name in READING:
             asked = getattr(options, name)
@@ -404,21 +403,21 @@ def opened(options: argparse.Namespace) -> Iterator[Store]:
                 raise SettingError(
                     f"{options.input}: found --{flag}, expected it for a file, not for a store"
                 )
-        yield open_store(options.input)
+        yield open_scene(options.input)
         return
     folder = scratch_folder(options.scratch, Path(options.output[0]))
     temporary = Path(tempfile.mkdtemp(prefix="bfrt-", dir=folder))
     try:
         with reading_bar(options.input, quiet=options.quiet) as progress:
             name = Path(options.input.replace(":", "-")).stem or "scene"
-            store = convert(
+            scene = convert(
                 options.input,
                 temporary / f"{name}.bfrt",
                 progress=progress,
                 durable=False,
                 **reading_of(options),
             )
-        yield store
+        yield scene
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

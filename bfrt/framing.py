@@ -18,8 +18,8 @@ import math
 from dataclasses import replace
 
 from bfrt.errors import SettingError
-from bfrt.scene.model import Camera, Light, Vector, cross
-from bfrt.scene.store import Store
+from bfrt.store.model import Camera, Light, Vector, cross
+from bfrt.store.store import Store
 
 #: From the scene to the eye, in parts of right, front and up.
 TO_EYE = (1.0, 2.0, 1.0)

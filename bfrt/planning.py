@@ -9,103 +9,46 @@ from `ASSUMED`.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
-from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bfrt.budget import Capacities, extra_bytes, image_bytes
+from bfrt.budget import Capacities, capacities
 from bfrt.phases.eye import count_eye_rays
 from bfrt.phases.partition import partition_of, subspaces
 from bfrt.phases.preprocess import lattice_of, layout_of
 from bfrt.phases.slabs import Slabs, cuts_of
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, Kind
-from bfrt.rendering import (
-    DEPTH,
-    REFINEMENTS,
-    aovs_of,
-    at_least_one,
-    plan_of,
-    samples_of,
-    scratch_folder,
-    seen,
-)
-from bfrt.scene.marks import BRICK_BYTES, marks_path, open_marks
-from bfrt.scene.model import Camera
-from bfrt.scene.store import Group, Store, open_store
+from bfrt.settings import Refinement, Settings
+from bfrt.store.marks import BRICK_BYTES, marks_path, open_marks
+from bfrt.store.store import Group, Store
+from bfrt.view import View
 
 
-def plan(
-    scene: Store | str | os.PathLike[str],
-    *,
-    memory: str | int | None = None,
-    threads: int | None = None,
-    camera: Camera | None = None,
-    resolution: tuple[int, int] | None = None,
-    samples: int | None = None,
-    depth: int = DEPTH,
-    aovs: Sequence[str] = (),
-    refine: str = REFINEMENTS[-1],
-    fresh_marks: bool = False,
-    grid: int | None = None,
-    max_grid: int | None = None,
-    scratch: str | os.PathLike[str] | None = None,
-) -> Plan:
-    """Tell what a render would take, before any work: no object is read.
-
-    Parameters
-    ----------
-    scene : Store or path-like
-        An open store, or where one is.
-    resolution : tuple of 2 int, optional
-        Width and height in pixels, instead of the camera's.
-    memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
-        As for `render`.
-
-    Returns
-    -------
-    Plan
-        ``print`` shows it as tables; `Plan.as_dict` is for JSON.
-
-    Raises
-    ------
-    StoreError, BudgetError, SettingError
-        As `render`.
-    """
-    store = scene if isinstance(scene, Store) else open_store(scene)
-    store, view, _ = seen(store, camera)
-    if resolution is not None:
-        view = replace(view, resolution=resolution)
-    given, kept = samples_of(samples), aovs_of(aovs)
-    held, stats = plan_of(
-        store, *view.resolution, given, kept,
-        memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-    )  # fmt: skip
-    settings = {
-        **stats.settings,
-        "depth": at_least_one("depth", depth),
-        "resolution": list(view.resolution),
-        "samples": given,
-        "aovs": list(kept),
+def plan_of(store: Store, view: View, settings: Settings) -> Plan:
+    """Tell what a render of a view would take: `bfrt.plan`."""
+    held = capacities(store, settings, view.frame)
+    told = {
+        "refine": settings.refinement.name,
+        "memory": settings.memory,
+        "threads": settings.threads,
+        "depth": view.depth,
+        "resolution": list(view.camera.resolution),
+        "samples": view.samples,
+        "aovs": list(view.aovs),
     }
-    folder = scratch_folder(scratch, store.path)
-    grids = tuple(
-        _grid_plan(store, group, held, refine, fresh_marks, folder) for group in store.groups
-    )
-    return _Planner(store, held, grids, settings).plan()
+    grids = tuple(_grid_plan(store, group, held, settings) for group in store.groups)
+    return _Planner(store, view, held, settings.refinement, grids, told).plan()
 
 
-def _grid_plan(
-    store: Store, group: Group, held: Capacities, refine: str, fresh: bool, scratch: Path
-) -> GridPlan:
+def _grid_plan(store: Store, group: Group, held: Capacities, settings: Settings) -> GridPlan:
     cut = partition_of(group, held.limits)
     layered = lattice_of(store, group, cut.shape, cut.axis).layered
-    layout = layout_of(group, cut, refine == "sgb")
-    marks = None if fresh else open_marks(marks_path(store, group, scratch), store, layout)
+    layout = layout_of(group, cut, settings.refinement.hierarchy)
+    path = marks_path(store, group, settings.scratch_beside(store.path))
+    marks = None if settings.fresh_marks else open_marks(path, store, layout)
     if marks is None:
         layers, *rest = layout.bricks
         most = np.full(layers, math.prod(rest), np.int64)
@@ -191,8 +134,8 @@ class Swept(NamedTuple):
         return self.levels + self.coded + self.shapes
 
 
-def swept_of(group: Group, refine: str) -> Swept:
-    """What the sweeps over a group read; levels with ``sgb`` only."""
+def swept_of(group: Group, refinement: Refinement) -> Swept:
+    """What the sweeps over a group read; levels with the hierarchy only."""
     top = levels = boxes = coded = shapes = materials = ends = 0
     for stream in group.streams:
         sizes = {name: facts.bytes for name, facts in stream.files.items()}
@@ -200,11 +143,11 @@ def swept_of(group: Group, refine: str) -> Swept:
         ends += sizes.get("offsets", 0)
         own = sizes.get("boxes", geometry)
         boxes += own + sizes.get("offsets", 0)
-        coded += sizes.get("quantised", own) if refine == "sgb" else own
+        coded += sizes.get("quantised", own) if refinement.hierarchy else own
         coded += sizes.get("offsets", 0)
         shapes += 0 if stream.kind == Kind.SPHERE else geometry
         materials += sizes.get("materials", 0)
-        if refine == "sgb" and stream.levels:
+        if refinement.hierarchy and stream.levels:
             above = [sizes[f"level{number}"] for number in range(1, len(stream.levels) + 1)]
             top += above[-1]
             levels += sum(above)
@@ -217,7 +160,9 @@ class _Planner:
     def __init__(
         self,
         store: Store,
+        view: View,
         held: Capacities,
+        refinement: Refinement,
         grids: tuple[GridPlan, ...],
         settings: dict[str, Any],
     ) -> None:
@@ -225,15 +170,16 @@ class _Planner:
         self._held = held
         self._grids = grids
         self._settings = settings
-        self._refine = settings["refine"]
-        self._swept = [swept_of(group, self._refine) for group in store.groups]
+        self._refinement = refinement
+        self._frame = view.frame
+        self._swept = [swept_of(group, refinement) for group in store.groups]
         width, height = settings["resolution"]
         samples, depth = settings["samples"], settings["depth"]
         self._bands = held.bands(height)
         self._eye = count_eye_rays(width, height, samples)
         # The first band is the largest, by the corners that it does not share.
         band = count_eye_rays(width, min(held.rows, height), samples)
-        onward, lights = onward_rays(store), len(store.lights)
+        onward, lights = onward_rays(store), len(view.lights)
         a = ASSUMED
         self._likely = waves(
             band, depth, hits=a.hits, onward=a.onward[onward], shadows=a.facing * lights
@@ -243,8 +189,6 @@ class _Planner:
     def plan(self) -> Plan:
         """All of it."""
         held = self._held
-        width, height = self._settings["resolution"]
-        extra = extra_bytes(self._settings["aovs"])
         return Plan(
             objects=self._store.objects,
             scene_bytes=self._store.bytes,
@@ -263,7 +207,7 @@ class _Planner:
             spool_bytes=self._bands * self._spooled(self._most),
             disk=DiskPlan(
                 marks=sum(g.marks_bytes for g in self._grids if not g.marks_there),
-                frame=image_bytes(width, height, extra) if held.frame_on_disk else 0,
+                frame=self._frame.image_bytes if held.frame_on_disk else 0,
                 spools=self._spools_at_once(),
             ),
         )
@@ -289,8 +233,8 @@ class _Planner:
                 continue
             n = grid.subspaces
             passes += n
-            whole = swept.coded + (swept.shapes if self._refine == "base" else 0)
-            near = 1 if self._refine == "sgb" else n
+            whole = swept.coded + (0 if self._refinement.lazy else swept.shapes)
+            near = 1 if self._refinement.hierarchy else n
             objects += group.gridded * near
             least += whole * near + swept.levels + swept.top * (n - 1)
             read += whole * near + swept.levels * n
@@ -330,17 +274,19 @@ class _Planner:
         That is more than the part of the voxels that are candidates, for parents are larger than
         voxels, and short gaps are read through: its root fits, to a billion objects.
         """
-        if self._refine == "base":
+        if not self._refinement.lazy:
             return swept.all
         stored = min(self._held.candidates, ASSUMED.candidates * wave.rays)
         near = min(1.0, math.sqrt(stored / math.prod(grid.voxels)))
-        if self._refine == "sg":
+        if not self._refinement.hierarchy:
             return swept.boxes + near * swept.shapes
         return swept.top + near * (swept.all - swept.top)
 
     def _least_bytes(self, swept: Swept) -> int:
         """Read in one pass at the least."""
-        return {"base": swept.all, "sg": swept.boxes, "sgb": swept.top}[self._refine]
+        if self._refinement.hierarchy:
+            return swept.top
+        return swept.boxes if self._refinement.lazy else swept.all
 
     def _slab_bytes(self, grid: GridPlan, readings: float) -> float:
         """Read of the marks: once as rays enter a grid, or slab by slab, so many times."""
@@ -357,7 +303,7 @@ class _Planner:
         """Read in the shading, spools included: an estimate, and the most."""
         whole = sum(swept.all + swept.ends + swept.materials for swept in self._swept)
         read = self._shading_passes(self._likely) * whole
-        if self._refine != "base":
+        if self._refinement.lazy:
             hits = sum(wave.hits for wave in self._likely)
             read = min(read, int(hits * ASSUMED.hit_bytes))
         most = self._shading_passes(self._most) * whole
@@ -394,7 +340,7 @@ class _Planner:
 
     def _parted_bytes(self, hits: float) -> int:
         """Of hits, at the most, that are parted by object: where that saves reading."""
-        parted = self._refine != "base" and hits > self._held.hits
+        parted = self._refinement.lazy and hits > self._held.hits
         return math.ceil(hits) * HIT_BYTES if parted else 0
 
     def _queue_bytes(self, records: float) -> int:

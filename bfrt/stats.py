@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bfrt.scene.objects import Objects
+    from bfrt.store.objects import Objects
     from bfrt.streams.spool import Spool
 
 

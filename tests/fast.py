@@ -24,9 +24,9 @@ from bfrt.phases.partition import Limits
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
 from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.store import Group, Store, open_store
-from bfrt.scene.writer import SceneWriter
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.store import Group, Store, open_store
+from bfrt.store.writer import SceneWriter
 from bfrt.scheduler import Tracer
 from bfrt.stats import Counters
 from bfrt.streams.spool import Spool

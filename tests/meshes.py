@@ -12,7 +12,7 @@ import pytest
 import bfrt
 from bfrt.errors import BfrtError, SceneError, StreamError
 from bfrt.records import Kind
-from bfrt.scene.store import Store
+from bfrt.store.store import Store
 
 #: A triangle and a square, with a vertex that nothing needs.
 VERTICES = np.array(

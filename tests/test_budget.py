@@ -15,8 +15,8 @@ from bfrt.budget import capacities, default_memory, fixed_bytes, format_memory, 
 from bfrt.errors import BudgetError, SettingError
 from bfrt.phases.partition import partition_of
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
-from bfrt.scene.model import Light, Material
-from bfrt.scene.writer import SceneWriter
+from bfrt.store.model import Light, Material
+from bfrt.store.writer import SceneWriter
 
 MIB = 1 << 20
 

@@ -16,7 +16,7 @@ from bfrt.cli import main
 from bfrt.framing import axes_of, bounding_sphere, framing_camera, framing_lights, unit
 from bfrt.phases.eye import view_vectors
 from bfrt.records import NO_HIT
-from bfrt.scene.extent import Bounds
+from bfrt.store.extent import Bounds
 
 FRAMED = ("eye", "at", "up", "angle")
 THIRD = 1 / math.sqrt(6)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.reading import RGB, Reading
-from bfrt.scene.model import Material
+from bfrt.store.model import Material
 
 #: Colors of a map.
 STEPS = 256

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.budget import BASELINE, format_memory
+from bfrt.memory import BASELINE, format_memory
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats.outlet import Outlet, cast
 from bfrt.formats.reading import PAINTED

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bfrt.errors import SceneError
 from bfrt.formats.source import Source, shown
-from bfrt.scene.model import Material
+from bfrt.store.model import Material
 
 #: A library is small; this is read at the most.
 LIBRARY_BYTES = 1 << 26

@@ -47,7 +47,7 @@ from bfrt.formats._nff import (
 )
 from bfrt.formats.outlet import SceneSink
 from bfrt.records import Kind
-from bfrt.scene.model import Camera, Light, Material, Vector
+from bfrt.store.model import Camera, Light, Material, Vector
 
 CHUNK_BYTES = 1 << 20
 BLOCK_OBJECTS = 16384

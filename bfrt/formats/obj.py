@@ -21,7 +21,7 @@ from bfrt.formats.mtl import read_mtl
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.reading import RGB, Reading
 from bfrt.formats.source import Report, Source, shown
-from bfrt.scene.model import Material
+from bfrt.store.model import Material
 
 log = logging.getLogger(__name__)
 

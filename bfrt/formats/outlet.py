@@ -13,7 +13,7 @@ from bfrt.errors import SceneError
 from bfrt.formats.colors import Painter
 from bfrt.formats.reading import Reading
 from bfrt.records import Kind
-from bfrt.scene.model import Camera, Light, Material, Vector
+from bfrt.store.model import Camera, Light, Material, Vector
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from bfrt.geometry.lattice import Lattice
 from bfrt.phases.delays import Delays
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.scene.sweep import Sweep
+from bfrt.store.sweep import Sweep
 
 def intersect(
     sweep: Sweep,

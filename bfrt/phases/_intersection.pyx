@@ -27,7 +27,7 @@ from bfrt.phases.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer, ray_line
 from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, POLYGON, Crossing, Delayed, Ray
-from bfrt.scene.sweep cimport (
+from bfrt.store.sweep cimport (
     Sweep, advance_block, advance_to, block_union, decode, fetch, records_of, want_records,
 )
 from bfrt.streams.atomic cimport atomic_load, lock, unlock

@@ -3,7 +3,7 @@ from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
 from bfrt.phases.subspace import Subspace
-from bfrt.scene.sweep import Sweep
+from bfrt.store.sweep import Sweep
 
 def mark(
     sweep: Sweep,

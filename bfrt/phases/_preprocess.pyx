@@ -7,7 +7,7 @@ from bfrt.geometry.eight cimport Sides, Voxels, eight_empty, eight_voxels, range
 from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, entered_by
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.subspace cimport Subspace
-from bfrt.scene.sweep cimport Sweep, advance_block, advance_to, decode
+from bfrt.store.sweep cimport Sweep, advance_block, advance_to, decode
 from bfrt.streams.atomic cimport atomic_or
 
 

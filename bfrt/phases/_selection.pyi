@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 from bfrt.geometry.lattice import Lattice
 from bfrt.phases.subspace import Subspace
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.scene.store import Stream
+from bfrt.store.store import Stream
 
 class Selection:
     def __init__(self, stream: Stream, capacity: int) -> None: ...

@@ -16,7 +16,7 @@ from bfrt.errors import StoreError
 from bfrt.streams.reader import Tape
 
 cdef enum:
-    LEVELS = 9  # the objects' own boxes, and MOST_LEVELS of bfrt.scene.hierarchy
+    LEVELS = 9  # the objects' own boxes, and MOST_LEVELS of bfrt.store.hierarchy
     PARENT_BYTES = sizeof(Parent)
     JOINED = 1024  # objects of neighboring parents that make one range; more make work uneven
 
@@ -29,7 +29,7 @@ cdef class Selection:
 
     Parameters
     ----------
-    stream : bfrt.scene.store.Stream
+    stream : bfrt.store.store.Stream
         One with levels.
     capacity : int
         Bytes of each level's read buffer.

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.image.film import Film
-from bfrt.scene.sweep import Sweep
+from bfrt.store.sweep import Sweep
 
 class Shader:
     reflection: int

@@ -16,7 +16,7 @@ from bfrt.image.film cimport Film, film_add
 from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
-from bfrt.scene.sweep cimport (
+from bfrt.store.sweep cimport (
     Sweep, advance_materials, advance_records, fetch, pick, pick_material,
 )
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from bfrt.phases._eye import eye_rays
 from bfrt.records import QUEUED
-from bfrt.scene.model import Camera, cross
-from bfrt.scene.store import Store
+from bfrt.store.model import Camera, cross
+from bfrt.store.store import Store
 
 
 def count_eye_rays(width: int, height: int, samples: int) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from bfrt.budget import Capacities
@@ -14,9 +13,10 @@ from bfrt.phases.selection import Selections
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.traversal import Flight, Ground
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.scene.marks import Marks
-from bfrt.scene.objects import Objects
-from bfrt.scene.store import Group, Store
+from bfrt.store.marks import Marks
+from bfrt.store.objects import Objects
+from bfrt.store.store import Group, Store
+from bfrt.settings import Settings
 from bfrt.stats import Counters
 from bfrt.workers import Workers
 
@@ -38,19 +38,20 @@ class Field:
         group: Group,
         workers: Workers,
         capacities: Capacities,
-        refine: str,
-        scratch: Path,
+        settings: Settings,
     ) -> None:
-        lazy = refine != "base"
-        self.objects = Objects(store, group, workers, capacities.read_buffer, lazy)
+        refinement = settings.refinement
+        self.objects = Objects(store, group, workers, capacities.read_buffer, refinement.lazy)
         self.read = 0
         self.marks_reused = False
         self.facts: dict[str, Any] = {}
-        self._selections = Selections(group.streams, workers.threads) if refine == "sgb" else None
+        self._selections: Selections | None = None
+        if refinement.hierarchy:
+            self._selections = Selections(group.streams, workers.threads)
         self._store = store
         self._workers = workers
         self._capacities = capacities
-        self._scratch = scratch
+        self._scratch = settings.scratch_beside(store.path)
         self._cut = partition_of(group, capacities.limits)
         self._lattice = lattice_of(store, group, self._cut.shape, self._cut.axis)
         self._outliers = Outliers(store, group)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from bfrt.phases._intersection import intersect, settle
 from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
 from bfrt.phases.traversal import Flight
-from bfrt.scene.objects import Objects
-from bfrt.scene.sweep import Sweep
+from bfrt.store.objects import Objects
+from bfrt.store.sweep import Sweep
 from bfrt.stats import Counters
 
 

@@ -3,7 +3,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from bfrt.scene.store import Group, Store
+from bfrt.store.store import Group, Store
 
 class Outliers:
     count: int

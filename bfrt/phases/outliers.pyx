@@ -1,4 +1,4 @@
-"""Outliers: boxes so large that the grid is better without them (bfrt/scene/extent.py).
+"""Outliers: boxes so large that the grid is better without them (bfrt/store/extent.py).
 
 Every ray is tested against them before its first walk, which their hits then shorten.
 """
@@ -16,9 +16,9 @@ from bfrt.geometry.shape cimport Meeting, shape_bounds, shape_load
 from bfrt.phases.crossings cimport Found, cross, hand_over
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.records cimport Crossing, Ray
-from bfrt.scene.sweep cimport Sweep, advance
+from bfrt.store.sweep cimport Sweep, advance
 from bfrt.records import INDEX_BITS
-from bfrt.scene.sweep import Sweep as SweepType
+from bfrt.store.sweep import Sweep as SweepType
 
 
 @cython.final
@@ -27,8 +27,8 @@ cdef class Outliers:
 
     Parameters
     ----------
-    store : bfrt.scene.store.Store
-    group : bfrt.scene.store.Group
+    store : bfrt.store.store.Store
+    group : bfrt.store.store.Group
     """
 
     def __cinit__(self, store, group):

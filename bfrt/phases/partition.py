@@ -18,9 +18,9 @@ import numpy as np
 
 from bfrt.errors import BudgetError
 from bfrt.records import VOXEL_BITS
-from bfrt.scene.extent import Bounds
-from bfrt.scene.marks import BRICK, BRICK_BYTES, Shape, bricks_of
-from bfrt.scene.store import Group
+from bfrt.store.extent import Bounds
+from bfrt.store.marks import BRICK, BRICK_BYTES, Shape, bricks_of
+from bfrt.store.store import Group
 
 #: Voxels for each object of the grid. One is the rule's; two measured better, with entry marks,
 #: on rings of 8 thousand and of a million objects: fewer boxes to test, few more steps to walk.

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.records import INDEX_BITS, NO_HIT, plain
-from bfrt.scene.objects import Objects
-from bfrt.scene.sweep import Sweep
+from bfrt.store.objects import Objects
+from bfrt.store.sweep import Sweep
 from bfrt.streams.parting import gathered, parted
 from bfrt.streams.spool import Spool
 

@@ -22,7 +22,7 @@ from bfrt.phases._slabs import pack
 from bfrt.phases.partition import Partition, subspaces
 from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
 from bfrt.phases.subspace import Subspace
-from bfrt.scene.marks import (
+from bfrt.store.marks import (
     BRICK,
     BRICK_BYTES,
     Layout,
@@ -34,9 +34,9 @@ from bfrt.scene.marks import (
     open_marks,
     writing_marks,
 )
-from bfrt.scene.objects import Objects
-from bfrt.scene.store import Group, Store
-from bfrt.scene.sweep import Sweep
+from bfrt.store.objects import Objects
+from bfrt.store.store import Group, Store
+from bfrt.store.sweep import Sweep
 from bfrt.stats import Counters
 
 Bytes = NDArray[np.uint8]

@@ -13,9 +13,9 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._selection import Selection
 from bfrt.phases.subspace import Subspace
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.scene.objects import FEWEST, Choose, End, Objects
-from bfrt.scene.store import Stream
-from bfrt.scene.sweep import Sweep
+from bfrt.store.objects import FEWEST, Choose, End, Objects
+from bfrt.store.store import Store, Stream
+from bfrt.store.sweep import Sweep
 from bfrt.stats import Phase
 from bfrt.workers import chunk_of
 
@@ -120,6 +120,12 @@ class Selections:
         self.parents = np.empty((threads, AHEAD, 6), np.float32)
         self._batches = [Batch(), Batch()]
         self._walks = {s.number: Selection(s, LEVEL_BUFFER) for s in streams if s.levels}
+
+    @staticmethod
+    def bytes(store: Store, threads: int) -> int:
+        """Bytes of the levels' read buffers, and of the ranges that are chosen ahead."""
+        levels = sum(len(stream.levels) for stream in store.streams) * LEVEL_BUFFER
+        return levels + len(store.groups) * (2 + threads) * AHEAD * CHOSEN_BYTES
 
     def begin(self, stream: Stream, lattice: Lattice, where: Where, ask: Ask) -> Choose:
         """Begin a stream's walk to the objects near `where`, which workers take in turns.

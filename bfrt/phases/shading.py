@@ -7,22 +7,26 @@ sweep over the objects meets them in order.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.budget import Capacities, emit_room
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
 from bfrt.phases.picking import by_object, each_hit
-from bfrt.records import INDEX_BITS, QUEUED
-from bfrt.scene.objects import Objects
-from bfrt.scene.store import Store
-from bfrt.scene.sweep import Sweep
+from bfrt.records import HIT_BYTES, INDEX_BITS, MATERIAL_BYTES, QUEUED, QUEUED_BYTES
+from bfrt.store.objects import Objects
+from bfrt.store.model import Light
+from bfrt.store.store import Store
+from bfrt.store.sweep import Sweep
 from bfrt.stats import Counters
 from bfrt.streams.spool import Spool
+
+
+#: A hit that is shaded: itself, its sorted copy, its id and its place in the order.
+SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
 
 
 def light_intensity(lights: int) -> float:
@@ -30,24 +34,36 @@ def light_intensity(lights: int) -> float:
     return math.sqrt(lights) / (2 * lights)
 
 
+def emit_room(lights: int) -> int:
+    """Rays that a worker gathers while it shades: a thousand, or a few hits' worth."""
+    return max(1024, 4 * (lights + 2))
+
+
 class Shading:
     """The shading phase of a render.
 
     Parameters
     ----------
+    lights : sequence of Light
+        In world coordinates.
     eye : (3,) float64
         Relative to the store's origin.
+    hits : int
+        That are shaded at once, at the most.
+    threads : int
     """
 
     def __init__(
         self,
         store: Store,
+        lights: Sequence[Light],
         film: Film,
         eye: NDArray[np.float64],
-        capacities: Capacities,
+        hits: int,
+        threads: int,
     ) -> None:
-        self._capacity = capacities.hits
-        self._ambient = light_intensity(len(store.lights))
+        self._capacity = hits
+        self._ambient = light_intensity(len(lights))
         self._palette = store.materials()
         origin = self._origin = np.array(store.origin)
         self._lights = np.array(
@@ -56,12 +72,18 @@ class Shading:
                     *(np.array(light.position) - origin),
                     *(self._ambient * np.array(light.color)),
                 )
-                for light in store.lights
+                for light in lights
             ]
         ).reshape(-1, 6)
         self._film = film
         self._eye = eye
-        self._out = np.empty((capacities.threads, emit_room(len(store.lights))), QUEUED)
+        self._out = np.empty((threads, emit_room(len(lights))), QUEUED)
+
+    @staticmethod
+    def bytes(store: Store, threads: int) -> int:
+        """Return the bytes of the palette, and of the rays that so many workers gather."""
+        palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
+        return palette + threads * emit_room(len(store.lights)) * QUEUED_BYTES
 
     def shade(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
-from bfrt.scene.marks import BRICK_BYTES, Marks
+from bfrt.store.marks import BRICK_BYTES, Marks
 from bfrt.workers import Workers
 
 #: Bricks along a side of the cubes that walks leave at once.
@@ -19,6 +19,9 @@ TOGETHER = 2
 
 #: What the table has for a brick without marks, and for one in a cube without: as grid.pxd.
 EMPTY_BRICK, EMPTY_CUBE = -1, -2
+
+#: A brick: where it is, whether it is there, and its part of a cube.
+TABLED_BYTES = 4 + 1 + 1 / 8 + 1
 
 
 def table_of(occupied: NDArray[np.uint8]) -> NDArray[np.int32]:
@@ -84,6 +87,17 @@ class Slabs:
         most = int(np.diff(marks.first[self._cuts]).max())
         self._bricks = np.empty((max(1, most), BRICK_BYTES), np.uint8)
         self._resident = -1
+
+    @staticmethod
+    def bytes(bricks: int, room: int) -> int:
+        """Bytes of a slab of a grid of so many bricks, and of the table that tells where they are.
+
+        Parameters
+        ----------
+        room : int
+            Bytes of a slab at the most.
+        """
+        return int(min(bricks * BRICK_BYTES, room) + bricks * TABLED_BYTES)
 
     @staticmethod
     def cuts(marks: Marks, room: int) -> list[int]:

@@ -28,7 +28,7 @@ from bfrt.phases.delays import Delays
 from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.records import CANDIDATE_BYTES, HIT, PATH, RAY, RAY_BYTES
+from bfrt.records import CANDIDATE_BYTES, HIT, PATH, PATH_BYTES, RAY, RAY_BYTES
 from bfrt.stats import Counters
 from bfrt.workers import Workers
 
@@ -52,6 +52,16 @@ FEWEST = 512
 
 #: Of memory: with so many rays in it no more are looked for, where that means to read slabs.
 FULL = 0.75
+
+#: The fewest rays in flight that are worth a sweep over the objects.
+FEWEST_RAYS = 4096
+
+#: A candidate slot each, four of which a ray gets at the least.
+CANDIDATES_A_RAY = 4
+
+#: In flight: the ray, what it is for, its place in its slab, what it may still take, and its
+#: candidates.
+FLYING_BYTES = RAY_BYTES + PATH_BYTES + 4 + 4 + CANDIDATES_A_RAY * CANDIDATE_BYTES
 
 #: A ray's memory, in candidates'.
 RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
@@ -142,14 +152,15 @@ class Flight:
         Rays at the most. All memory is taken here.
     candidates : int
         Of all rays, when there are so many.
+
+    Attributes
+    ----------
     crossings : Crossings, optional
         What takes all hits of each ray, where not only the nearest is wanted.
     """
 
-    def __init__(
-        self, capacity: int, candidates: int, workers: Workers, crossings: Crossings | None = None
-    ) -> None:
-        self.crossings = crossings
+    def __init__(self, capacity: int, candidates: int, workers: Workers) -> None:
+        self.crossings: Crossings | None = None
         self.active = 0
         self.bad = 0
         self._least = FIRST_QUOTA
@@ -162,6 +173,10 @@ class Flight:
         self._left = np.empty(capacity, np.uint32)
         self.delays = [Delays() for _ in range(workers.threads)]
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
+
+    def begin(self, crossings: Crossings | None) -> None:
+        """Begin with a queue of rays, whose nearest hits are wanted, or all."""
+        self.crossings = crossings
         if crossings is not None:
             crossings.fly(self._rays, self._paths)
 

@@ -12,6 +12,13 @@ import numpy as np
 
 from bfrt.geometry.grid cimport Range
 
+#: An upper voxel: where its rays begin, and a bit of the occupancy, with what is above that.
+UPPER_BYTES = 4 + 1 / 8 + 1 / 32
+
+#: A lower-level block: where the rays of 64 voxels begin, a bit for each, whose it is, and twice a
+#: place in the table by which it is found.
+BLOCK_BYTES = 4 * 64 + 8 + 4 + 2 * 8
+
 cdef enum:
     PLACED_BIT = 63
     LONGEST = 1024  # runs of so many rays and more are equally long
@@ -89,6 +96,11 @@ cdef class VoxelRays:
         while 1 << self.place_bits < 2 * self.blocks:
             self.place_bits += 1
         self.places = np.zeros(1 << self.place_bits, np.uint64)
+
+    @staticmethod
+    def bytes(uppers, blocks):
+        """Bytes of a store of so many upper voxels and lower-level blocks."""
+        return int(uppers * UPPER_BYTES + blocks * BLOCK_BYTES)
 
     def sort(self, uint64_t[::1] slots, int64_t n, workers):
         """Put candidates into their voxels.

@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.scene.sweep import Sweep
+from bfrt.store.sweep import Sweep
 
 def ask(
     origins: NDArray[np.float64],

@@ -8,7 +8,7 @@ from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
 from bfrt.geometry.vector cimport Line, Vec, along, line, smaller, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport NO_HIT, Asked, Ray
-from bfrt.scene.sweep cimport Sweep, pick
+from bfrt.store.sweep cimport Sweep, pick
 
 
 cdef inline double end_of(double t_max, double moved) noexcept nogil:

@@ -15,29 +15,28 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from itertools import chain
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import Capacities
-from bfrt.errors import Cancelled, SettingError
+from bfrt.errors import SettingError
 from bfrt.phases.crossings import Crossings
 from bfrt.phases.picking import by_object, each_hit
 from bfrt.queries._rays import surfaces
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
-from bfrt.queries.rays import AskedRays, Given, rays_of
+from bfrt.progress import Progress, Report, tell
+from bfrt.queries.rays import AskedRays, Block, Given, rays_of
 from bfrt.records import ASKED, HIT, INDEX_BITS, NO_HIT, QUEUED_BYTES, RayKind
-from bfrt.rendering import REFINEMENTS, plan_of, reporting, scratch_folder
-from bfrt.scene.store import Store, open_store
-from bfrt.scene.sweep import Sweep
-from bfrt.scheduler import Progress, Tracer
+from bfrt.rendering import stats_of
+from bfrt.store.sweep import Sweep
+from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats, peak_rss
 from bfrt.streams.spool import Spool
-from bfrt.workers import Workers
+from bfrt.tracer import Outcome, Tracer
 
 log = logging.getLogger(__name__)
 
@@ -83,210 +82,185 @@ class Answer(dict[str, NDArray[Any]]):
     stats: Stats
 
 
-class _Query(NamedTuple):
-    """One question as it is worked on."""
+class Question(NamedTuple):
+    """Rays that somebody asks about, as they are given, and where the answer goes.
 
-    store: Store
-    plan: Capacities
-    scratch: Path
-    refine: str
-    stats: Stats
-    fresh_marks: bool
+    Attributes
+    ----------
+    origins, directions, t_min, t_max
+        As for `bfrt.cast_rays`.
+    out : mapping of arrays, or path-like, optional
+        Where the answer goes.
+    report : Report
+        Called after each pass.
+    """
+
+    origins: Given
+    directions: Given | None
+    t_min: ArrayLike
+    t_max: ArrayLike
+    out: Out | None
+    report: Report
+
+    def rays(self) -> tuple[Iterator[Block], int | None]:
+        """Return the blocks of rays, and how many rays they are where that is known."""
+        return rays_of(self.origins, self.directions, self.t_min, self.t_max)
 
 
-def cast_rays(
-    scene: Store | str | os.PathLike[str],
-    origins: Given,
-    directions: Given | None = None,
-    t_min: ArrayLike = 0.0,
-    t_max: ArrayLike = np.inf,
-    *,
-    out: Out | None = None,
-    progress: bool | Callable[[Progress], object] = False,
-    **settings: Any,
-) -> Answer:
-    """Find the nearest hit of each ray.
+#: Gives a tracer for some settings while a question is worked on.
+Sessions = Callable[[Settings], AbstractContextManager[Tracer]]
+
+
+class Asking:
+    """One question as it is worked on.
 
     Parameters
     ----------
-    scene : Store or path-like
-        An open store, or where one is.
-    origins, directions : (n, 3) array_like of float32 or float64, or path-like of an .npy file
-        World coordinates; directions of any length but zero. Memory maps and files may be larger
-        than memory. Without directions, `origins` is an iterable of blocks, pairs of such arrays.
-    t_min, t_max : float or (n,) array_like
-        Hits count in (t_min, t_max), in lengths of the direction.
-    out : mapping of arrays, or path-like, optional
-        Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` of
-        each, and the answer is memory maps of these.
-    progress : bool or callable
-        As for `render`.
-    **settings
-        ``memory``, ``threads``, ``refine``, ``fresh_marks``, ``grid``, ``max_grid`` and
-        ``scratch``, as for `render`. Arrays that you give, and get, are no part of the budget.
-
-    Returns
-    -------
-    Answer
-        ``t_hit`` (n,) float64, inf for a miss; ``geometry_ids`` (n,) int32, group times 5 plus
-        kind, and ``primitive_ids`` (n,) int64, the object's place among its kind, both -1 for a
-        miss; ``primitive_normals`` (n, 3) float32, unit and geometric, 0 for a miss;
-        ``primitive_uvs`` (n, 2) float32, barycentric in triangles and patches, else 0.
-
-    Raises
-    ------
-    SettingError
-        For rays of other shapes or dtypes, and settings that cannot be honoured.
-    BudgetError, StoreError, StreamError, DiskFullError, Cancelled
-        As `render`.
-
-    Notes
-    -----
-    A ray with a t_min begins at ``origin + t_min * direction``, computed in float64. Of hits at
-    one t the object of the least id counts. The answer is the same, bit for bit, whatever the
-    memory, the threads and the refinement.
+    tracer : Tracer
+    blocks : iterator of Block
+        The rays.
+    known : int, optional
+        How many they are.
+    kind : RayKind
+        EYE for nearest hits, SHADOW for any.
+    report : Report
     """
-    blocks, known = rays_of(origins, directions, t_min, t_max)
-    query = _ask(scene, known, known, **settings)
-    check_out(HIT_FIELDS, known, out)
-    queue = AskedRays(query.store, blocks, RayKind.EYE)
-    with Answers(query, ANSWER) as answers:
-        with closing(Spool(HIT, query.plan.hits, query.scratch)) as hits:
-            sink = Forward(lambda some: hits.append(some[some["id"] != NO_HIT].view(HIT)))
-            _trace(
-                query,
-                queue,
-                sink,
-                known,
-                progress,
-                then=lambda tracer: _resolve(tracer, query, hits, answers.append),
+
+    def __init__(
+        self,
+        tracer: Tracer,
+        blocks: Iterator[Block],
+        known: int | None,
+        kind: RayKind,
+        report: Report,
+    ) -> None:
+        self.tracer = tracer
+        self.queue = AskedRays(tracer.store, blocks, kind)
+        self.plan = tracer.capacities
+        self.stats = stats_of(tracer.store, tracer.settings, self.plan)
+        self._known = known
+        self._report = report
+        self._start = time.perf_counter()
+
+    def trace(self, take: Callable[[NDArray[Any]], None], crossings: Crossings | None = None) -> None:
+        """Take all rays through the scene; `take` gets them as they are complete."""
+        self.tracer.begin(self.stats)
+        with self.stats.depth(1) as counters:
+            outcome = Outcome(Forward(take), None, crossings)
+            self.tracer.trace(self.queue, outcome, counters, self._tell)
+            counters.rays.eye = self.queue.taken
+
+    def _tell(self, done: int) -> None:
+        total = self.queue.taken if self._known is None else self._known
+        tell(self._report, Progress(1, done, total))
+
+    def spool(self, dtype: np.dtype[Any], room: int) -> Spool:
+        """Return a spool of so many records in memory."""
+        return Spool(dtype, room, self.tracer.scratch)
+
+    def answer(self, arrays: dict[str, NDArray[Any]]) -> Answer:
+        """Return the answer, with the counters."""
+        bad = self.queue.bad
+        answer = Answer(arrays)
+        answer.stats = self.stats
+        self.stats.total.seconds = time.perf_counter() - self._start
+        self.stats.bad_rays = bad
+        self.stats.peak_rss_bytes = peak_rss()
+        if bad:
+            log.warning("%d rays were NaN, infinite or of no length, and hit nothing", bad)
+        return answer
+
+
+def nearest(sessions: Sessions, question: Question, settings: Settings) -> Answer:
+    """Find the nearest hit of each ray: `bfrt.cast_rays`."""
+    blocks, known = question.rays()
+    check_out(HIT_FIELDS, known, question.out)
+    with sessions(settings) as tracer:
+        asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
+        room = fitting(asking.plan, known)
+        with Answers(asking, ANSWER, room.queue) as answers:
+            with closing(asking.spool(HIT, room.hits)) as hits:
+                asking.trace(lambda some: hits.append(some[some["id"] != NO_HIT].view(HIT)))
+                _resolve(asking, hits, answers.append)
+            missed = np.zeros(1, ANSWER)
+            missed["t"], missed["key"] = np.inf, NO_HIT
+            with Columns(HIT_FIELDS, asking.queue.taken, question.out) as columns:
+                for block in rows(answers.ordered(asking.queue.taken), asking.queue.taken, missed):
+                    columns.put(_hit_columns(block))
+        return asking.answer(columns.arrays())
+
+
+def any_hit(sessions: Sessions, question: Question, settings: Settings) -> Answer:
+    """Find whether each ray hits anything: `bfrt.occluded`."""
+    blocks, known = question.rays()
+    check_out(OCCLUDED, known, question.out)
+    with sessions(settings) as tracer:
+        asking = Asking(tracer, blocks, known, RayKind.SHADOW, question.report)
+        with Answers(asking, NUMBERED, fitting(asking.plan, known).queue) as answers:
+            # What something stops does not come out.
+            asking.trace(lambda some: answers.append(_fields(some, NUMBERED)))
+            stopped = np.array([(NO_HIT,)], NUMBERED)
+            with Columns(OCCLUDED, asking.queue.taken, question.out) as columns:
+                for block in rows(answers.ordered(asking.queue.taken), asking.queue.taken, stopped):
+                    columns.put({"occluded": block["number"] == NO_HIT})
+        return asking.answer(columns.arrays())
+
+
+def count_hits(sessions: Sessions, question: Question, settings: Settings) -> Answer:
+    """Count all hits of each ray: `bfrt.count_intersections`."""
+    blocks, known = question.rays()
+    check_out(COUNTS, known, question.out)
+    with sessions(settings) as tracer:
+        asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
+        with Answers(asking, COUNTED, fitting(asking.plan, known).queue) as answers:
+            asking.trace(
+                lambda some: answers.append(_fields(some[some["count"] > 0], COUNTED)), Crossings()
             )
-        missed = np.zeros(1, ANSWER)
-        missed["t"], missed["key"] = np.inf, NO_HIT
-        with Columns(HIT_FIELDS, queue.taken, out) as columns:
-            for block in rows(answers.ordered(queue.taken), queue.taken, missed):
-                columns.put(_hit_columns(block))
-    return _answer(query, columns.arrays(), queue)
-
-
-def occluded(
-    scene: Store | str | os.PathLike[str],
-    origins: Given,
-    directions: Given | None = None,
-    t_min: ArrayLike = 0.0,
-    t_max: ArrayLike = np.inf,
-    *,
-    out: Out | None = None,
-    progress: bool | Callable[[Progress], object] = False,
-    **settings: Any,
-) -> Answer:
-    """Find whether each ray hits anything in (t_min, t_max); the parameters are `cast_rays`'.
-
-    From a to b: directions ``b - a``, t_max 1, or a little less where b is on a surface.
-
-    Returns
-    -------
-    Answer
-        ``occluded`` (n,) bool.
-    """
-    blocks, known = rays_of(origins, directions, t_min, t_max)
-    query = _ask(scene, known, known, **settings)
-    check_out(OCCLUDED, known, out)
-    with Answers(query, NUMBERED) as answers:
-        queue = AskedRays(query.store, blocks, RayKind.SHADOW)
-        # What something stops does not come out.
-        sink = Forward(lambda some: answers.append(_fields(some, NUMBERED)))
-        _trace(query, queue, sink, known, progress)
-        stopped = np.array([(NO_HIT,)], NUMBERED)
-        with Columns(OCCLUDED, queue.taken, out) as columns:
-            for block in rows(answers.ordered(queue.taken), queue.taken, stopped):
-                columns.put({"occluded": block["number"] == NO_HIT})
-    return _answer(query, columns.arrays(), queue)
-
-
-def count_intersections(
-    scene: Store | str | os.PathLike[str],
-    origins: Given,
-    directions: Given | None = None,
-    t_min: ArrayLike = 0.0,
-    t_max: ArrayLike = np.inf,
-    *,
-    out: Out | None = None,
-    progress: bool | Callable[[Progress], object] = False,
-    **settings: Any,
-) -> Answer:
-    """Count all hits of each ray in (t_min, t_max); the parameters are `cast_rays`'.
-
-    A sphere or cone that is crossed twice counts twice, once where it is touched.
-
-    Returns
-    -------
-    Answer
-        ``counts`` (n,) int64.
-    """
-    blocks, known = rays_of(origins, directions, t_min, t_max)
-    query = _ask(scene, known, known, **settings)
-    check_out(COUNTS, known, out)
-    with Answers(query, COUNTED) as answers:
-        queue = AskedRays(query.store, blocks, RayKind.EYE)
-        sink = Forward(lambda some: answers.append(_fields(some[some["count"] > 0], COUNTED)))
-        _trace(query, queue, sink, known, progress, Crossings())
-        with Columns(COUNTS, queue.taken, out) as columns:
             none = np.zeros(1, COUNTED)
-            for block in rows(answers.ordered(queue.taken), queue.taken, none):
-                columns.put({"counts": block["count"]})
-    return _answer(query, columns.arrays(), queue)
+            with Columns(COUNTS, asking.queue.taken, question.out) as columns:
+                for block in rows(answers.ordered(asking.queue.taken), asking.queue.taken, none):
+                    columns.put({"counts": block["count"]})
+        return asking.answer(columns.arrays())
 
 
-def list_intersections(
-    scene: Store | str | os.PathLike[str],
-    origins: Given,
-    directions: Given | None = None,
-    t_min: ArrayLike = 0.0,
-    t_max: ArrayLike = np.inf,
-    *,
-    out: Out | None = None,
-    progress: bool | Callable[[Progress], object] = False,
-    **settings: Any,
-) -> Answer:
-    """Find all hits of each ray in (t_min, t_max); the parameters are `cast_rays`'.
+def list_hits(sessions: Sessions, question: Question, settings: Settings) -> Answer:
+    """Find all hits of each ray: `bfrt.list_intersections`."""
+    blocks, known = question.rays()
+    folder = _folder_of(question.out)
+    with sessions(settings) as tracer:
+        asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
+        with Answers(asking, ANSWER, asking.plan.queue) as answers:
+            with closing(asking.spool(HIT, asking.plan.hits)) as hits:
+                asking.trace(
+                    lambda some: None, Crossings(lambda asked: hits.append(asked.view(HIT)))
+                )
+                _resolve(asking, hits, answers.append)
+            arrays = _listed(answers, asking.queue.taken, folder)
+        return asking.answer(arrays)
 
-    Returns
-    -------
-    Answer
-        ``ray_splits`` (n + 1,) int64: ray i has the rows [ray_splits[i], ray_splits[i + 1]) of
-        the other arrays, ordered by t, then id: those of `cast_rays`, and ``ray_ids`` (m,) int64.
-    """
-    blocks, known = rays_of(origins, directions, t_min, t_max)
-    query = _ask(scene, known, None, **settings)
-    folder = _folder_of(out)
-    queue = AskedRays(query.store, blocks, RayKind.EYE)
-    with Answers(query, ANSWER) as answers:
-        with closing(Spool(HIT, query.plan.hits, query.scratch)) as hits:
-            _trace(
-                query,
-                queue,
-                Forward(lambda some: None),
-                known,
-                progress,
-                Crossings(lambda asked: hits.append(asked.view(HIT))),
-                then=lambda tracer: _resolve(tracer, query, hits, answers.append),
-            )
-        fields = {"ray_ids": (np.int64, ()), **HIT_FIELDS}
-        with (
-            Columns(fields, len(answers), folder) as columns,
-            Columns(SPLITS, queue.taken + 1, folder) as splits,
-        ):
-            splits.put({"ray_splits": np.zeros(1, np.int64)})
-            hits_before = rays_before = 0
-            for block in chain(answers.ordered(queue.taken), [np.empty(0, ANSWER)]):
-                numbers = block["number"].astype(np.int64)
-                columns.put({"ray_ids": numbers, **_hit_columns(block)})
-                rays = int(numbers[-1]) + 1 if len(numbers) else queue.taken
-                for ends in split_ends(numbers, rays_before, rays):
-                    splits.put({"ray_splits": hits_before + ends})
-                hits_before, rays_before = hits_before + len(numbers), rays
-    return _answer(query, {**splits.arrays(), **columns.arrays()}, queue)
+
+def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, NDArray[Any]]:
+    """Put all hits in the order of their rays, and say where each ray's end."""
+    fields = {"ray_ids": (np.int64, ()), **HIT_FIELDS}
+    with (
+        Columns(fields, len(answers), folder) as columns,
+        Columns(SPLITS, rays + 1, folder) as splits,
+    ):
+        splits.put({"ray_splits": np.zeros(1, np.int64)})
+        hits_before = rays_before = 0
+        for block in chain(answers.ordered(rays), [np.empty(0, ANSWER)]):
+            numbers = block["number"].astype(np.int64)
+            columns.put({"ray_ids": numbers, **_hit_columns(block)})
+            end = int(numbers[-1]) + 1 if len(numbers) else rays
+            for ends in split_ends(numbers, rays_before, end):
+                splits.put({"ray_splits": hits_before + ends})
+            hits_before, rays_before = hits_before + len(numbers), end
+    return {**splits.arrays(), **columns.arrays()}
+
+
+def fitting(plan: Capacities, rays: int | None) -> Capacities:
+    """Return what a budget holds, less what so few rays, with a hit each, cannot fill."""
+    return plan if rays is None else plan.for_hits(rays)
 
 
 def _folder_of(out: Out | None) -> Out | None:
@@ -307,11 +281,20 @@ class Forward:
 
 
 class Answers:
-    """Answers as they come, to be read in the order of rays."""
+    """Answers as they come, to be read in the order of rays.
 
-    def __init__(self, query: _Query, dtype: np.dtype[Any]) -> None:
-        self._room = max(1024, query.plan.queue * QUEUED_BYTES // dtype.itemsize)
-        self._spool = Spool(dtype, self._room, query.scratch)
+    Parameters
+    ----------
+    asking : Asking
+    dtype : numpy.dtype
+        Of an answer.
+    queue : int
+        Rays whose memory they may take.
+    """
+
+    def __init__(self, asking: Asking, dtype: np.dtype[Any], queue: int) -> None:
+        self._room = max(1024, queue * QUEUED_BYTES // dtype.itemsize)
+        self._spool = asking.spool(dtype, self._room)
         self.append = self._spool.append
 
     def __len__(self) -> int:
@@ -327,77 +310,15 @@ class Answers:
         self._spool.close()
 
 
-def _ask(
-    scene: Store | str | os.PathLike[str],
-    rays: int | None,
-    hits: int | None,
-    *,
-    memory: str | int | None = None,
-    threads: int | None = None,
-    refine: str = REFINEMENTS[-1],
-    fresh_marks: bool = False,
-    grid: int | None = None,
-    max_grid: int | None = None,
-    scratch: str | os.PathLike[str] | None = None,
-) -> _Query:
-    """Check the settings, and divide the budget: for so many rays and hits, where that is known."""
-    store = scene if isinstance(scene, Store) else open_store(scene)
-    plan, stats = plan_of(
-        store, 0, 0, 1,
-        memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-    )  # fmt: skip
-    plan = plan if rays is None else plan.for_rays(rays)
-    plan = plan if hits is None else plan.for_hits(hits)
-    return _Query(store, plan, scratch_folder(scratch, store.path), refine, stats, fresh_marks)
-
-
-def _trace(
-    query: _Query,
-    queue: AskedRays,
-    sink: Forward,
-    known: int | None,
-    progress: bool | Callable[[Progress], object],
-    crossings: Crossings | None = None,
-    then: Callable[[Tracer], None] = lambda tracer: None,
-) -> None:
-    """Take all rays through the scene, and `then` do what needs its objects."""
-    start = time.perf_counter()
-    workers = Workers(query.plan.threads)
-    try:
-        with reporting(progress) as report:
-
-            def tell(done: int) -> None:
-                if report(Progress(1, done, queue.taken if known is None else known)) is False:
-                    raise Cancelled(f"cancelled with {done} rays finished")
-
-            tracer = Tracer(
-                query.store, None, workers, query.plan, refine=query.refine,
-                fresh_marks=query.fresh_marks, scratch=query.scratch, counters=query.stats.total,
-                crossings=crossings,
-            )  # fmt: skip
-            try:
-                query.stats.marks_reused = all(field.marks_reused for field in tracer.fields)
-                query.stats.grids.extend(field.facts for field in tracer.fields)
-                with query.stats.depth(1) as counters:
-                    tracer.trace(queue, sink, counters, tell)
-                    counters.rays.eye = queue.taken
-                then(tracer)
-            finally:
-                tracer.close()
-    finally:
-        workers.close()
-    query.stats.total.seconds = time.perf_counter() - start
-
-
 def _resolve(
-    tracer: Tracer, query: _Query, hits: Spool, append: Callable[[NDArray[Any]], None]
+    asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]
 ) -> None:
     """Find normals and uv of hits, object by object."""
     counters = Counters()
     with counters.phases.shading.timed():
-        objects = [field.objects for field in tracer.fields]
+        objects = asking.tracer.objects
         # Half of them, for what is found takes memory too.
-        for records, begins in by_object(hits, objects, max(1, query.plan.hits // 2)):
+        for records, begins in by_object(hits, objects, max(1, asking.plan.hits // 2)):
             some = records.view(ASKED)
             found = np.empty(len(some), ANSWER)
             normals = np.empty((len(some), 3), np.float32)
@@ -421,7 +342,7 @@ def _resolve(
             found["normal"], found["uv"] = normals, uvs
             append(found)
         counters.phases.shading.spooled(hits)
-    query.stats.total.add(counters)
+    asking.stats.total.add(counters)
 
 
 def _fields(records: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -443,13 +364,3 @@ def _hit_columns(block: NDArray[Any]) -> dict[str, NDArray[Any]]:
         "primitive_normals": block["normal"],
         "primitive_uvs": block["uv"],
     }
-
-
-def _answer(query: _Query, arrays: dict[str, NDArray[Any]], queue: AskedRays) -> Answer:
-    answer = Answer(arrays)
-    answer.stats = query.stats
-    query.stats.bad_rays = queue.bad
-    query.stats.peak_rss_bytes = peak_rss()
-    if queue.bad:
-        log.warning("%d rays were NaN, infinite or of no length, and hit nothing", queue.bad)
-    return answer

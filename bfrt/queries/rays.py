@@ -17,7 +17,7 @@ from bfrt.formats.npy import NpyArray
 from bfrt.formats.source import Source
 from bfrt.queries._rays import ask
 from bfrt.records import ASKED, HIT, RayKind
-from bfrt.scene.store import Store
+from bfrt.store.store import Store
 
 #: Rays that are taken from an array at once.
 BLOCK = 65536

@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.scene.sweep import Sweep
+from bfrt.store.sweep import Sweep
 
 def scale_directions(directions: NDArray[np.float64], powers: NDArray[np.int32]) -> None: ...
 def bring_near(

@@ -11,7 +11,7 @@ from bfrt.geometry.shape cimport (
 from bfrt.geometry.vector cimport Line, Vec, line, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport INDEX_BITS, Ray
-from bfrt.scene.sweep cimport Sweep, advance
+from bfrt.store.sweep cimport Sweep, advance
 
 cdef enum:
     TOGETHER = 64     # rays that meet a box before the kernel is called

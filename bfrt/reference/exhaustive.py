@@ -24,8 +24,8 @@ from bfrt.errors import SettingError
 from bfrt.phases.preprocess import growth
 from bfrt.records import NO_HIT
 from bfrt.reference._exhaustive import bring_near, cross, lines, meet, scale_directions
-from bfrt.scene.store import Store
-from bfrt.scene.sweep import Sweep
+from bfrt.store.store import Store
+from bfrt.store.sweep import Sweep
 from bfrt.workers import Workers
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from bfrt.errors import SettingError
 from bfrt.records import Kind
-from bfrt.scene.model import Camera, Light, Material
+from bfrt.store.model import Camera, Light, Material
 from bfrt.spd._mount import halve, triangles
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
 

@@ -22,12 +22,11 @@ import numpy.typing as npt
 
 from bfrt.errors import Cancelled, DiskFullError, SettingError
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
-from bfrt.scene.columns import prepare
-from bfrt.scene.extent import Extent
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.model import Camera, Light, Material, Vector
-from bfrt.scene.store import Store, open_store
-from bfrt.scene.writer import SceneWriter
+from bfrt.store.columns import prepare
+from bfrt.store.extent import Extent
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Camera, Light, Material, Vector
+from bfrt.scene import Scene, SceneWriter, open_scene
 from bfrt.spd._text import lines
 from bfrt.streams.aside import refused
 from bfrt.workers import ahead, usable_threads
@@ -226,7 +225,7 @@ class SpdScene(abc.ABC):
         hierarchy: Hierarchy | None = None,
         threads: int | None = None,
         progress: Report | None = None,
-    ) -> Store:
+    ) -> Scene:
         """Write the scene as a scene store, float32; returns it, opened.
 
         Parameters
@@ -253,7 +252,7 @@ class SpdScene(abc.ABC):
         ) as writer:
             writer.expect(self.counts, self.surface)
             self.feed(writer, usable_threads() if threads is None else threads, progress)
-        return open_store(path)
+        return open_scene(path)
 
     def write_nff(
         self, file: TextFile, *, threads: int | None = None, progress: Report | None = None

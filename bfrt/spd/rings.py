@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
-from bfrt.scene.model import Camera, Light, Material
+from bfrt.store.model import Camera, Light, Material
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, polygon
 
 RADIUS = 0.07412

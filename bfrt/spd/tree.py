@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.model import Camera, Light, Material
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Camera, Light, Material
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 
 #: Of each fork: degrees that it leans, degrees that it turns, its length in that of its parent.

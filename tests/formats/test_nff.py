@@ -20,7 +20,7 @@ from bfrt.errors import SceneError, StreamError
 from bfrt.formats._nff import MAX_VERTICES, Entity, Event, Fault, Parser
 from bfrt.formats.nff import _read, read_nff
 from bfrt.records import SCALARS, Kind
-from bfrt.scene.model import Camera, Light, Material
+from bfrt.store.model import Camera, Light, Material
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))

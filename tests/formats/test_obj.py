@@ -28,7 +28,7 @@ from bfrt.formats import mesh as mesh_module
 from bfrt.formats import obj as obj_module
 from bfrt.formats import source as source_module
 from bfrt.formats.source import Source
-from bfrt.scene.model import Material
+from bfrt.store.model import Material
 
 BAD = ["nan", "inf", "-inf", "1e39", "1e999"]
 PLAIN = pytest.approx((*Material().color, *Material()[1:]))

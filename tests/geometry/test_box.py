@@ -8,7 +8,7 @@ from scenes import units
 
 from bfrt.records import Kind
 from bfrt.reference import _kernels
-from bfrt.scene._bounds import bound
+from bfrt.store._bounds import bound
 
 CUBE = [-1.0, -1, -1, 1, 1, 1]
 NOWHERE = [np.inf, -np.inf]

@@ -11,7 +11,7 @@ from scenes import units
 from bfrt.geometry.lattice import Lattice
 from bfrt.records import Kind
 from bfrt.reference import _kernels
-from bfrt.scene._bounds import bound
+from bfrt.store._bounds import bound
 
 #: Faces by which a voxel is entered: low ones of three axes, high ones, and none for a start.
 LOW, HIGH, START = 0, 3, 6

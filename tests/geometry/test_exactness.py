@@ -25,7 +25,7 @@ from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import HIT, INDEX_BITS, PATH, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
 from bfrt.reference.independent import Objects, agree, stable
-from bfrt.scene.model import Camera
+from bfrt.store.model import Camera
 
 ORIGIN = (0.0, 0.0, 0.0)
 START, UP = 6, 2  # faces: none, and that below

@@ -12,8 +12,8 @@ from scenes import units
 from bfrt.phases.partition import Limits, cut, partition, resolution, uppers_of
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects
-from bfrt.scene.extent import Bounds
-from bfrt.scene.marks import Layout, marks_path
+from bfrt.store.extent import Bounds
+from bfrt.store.marks import Layout, marks_path
 
 BRICK = 512
 

@@ -19,9 +19,9 @@ from bfrt.phases.partition import partition_of
 from bfrt.phases.preprocess import lattice_of, layout_of
 from bfrt.phases.subspace import Subspace
 from bfrt.records import Kind
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.marks import BRICK, BRICK_BYTES, marks_path, open_marks
-from bfrt.scene.sweep import Sweep
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.marks import BRICK, BRICK_BYTES, marks_path, open_marks
+from bfrt.store.sweep import Sweep
 from bfrt.stats import Counters
 from bfrt.workers import Workers
 

@@ -17,7 +17,7 @@ from bfrt.phases._selection import Selection
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import ON_REQUEST, PARENT, Kind
 from bfrt.rendering import REFINEMENTS
-from bfrt.scene.hierarchy import Hierarchy
+from bfrt.store.hierarchy import Hierarchy
 from bfrt.workers import Workers
 
 #: Two sizes of each scene that finish soon.

@@ -14,7 +14,7 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases import selection
 from bfrt.phases.selection import Batch, Selections
 from bfrt.phases.subspace import Subspace
-from bfrt.scene.hierarchy import Hierarchy
+from bfrt.store.hierarchy import Hierarchy
 from bfrt.workers import Workers
 
 EVERYWHERE = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from bfrt.phases._slabs import pack
 from bfrt.phases.partition import subspaces
 from bfrt.phases.slabs import cuts_of, table_of
-from bfrt.scene.marks import BRICK, BRICK_BYTES, bricks_of
+from bfrt.store.marks import BRICK, BRICK_BYTES, bricks_of
 
 DARK = 1 << 6
 

@@ -13,7 +13,7 @@ import pytest
 import bfrt
 from bfrt.errors import Cancelled, DiskFullError
 from bfrt.records import Kind
-from bfrt.scene.model import Camera, Light, Material
+from bfrt.store.model import Camera, Light, Material
 from bfrt.spd.recipe import Part, SpdScene, phong_power
 
 PLACE = np.zeros(1, np.int64)

@@ -18,21 +18,21 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import MATERIAL, SCALARS, Kind
-from bfrt.scene.columns import Prepared, prepare
-from bfrt.scene.extent import Bounds
-from bfrt.scene.given import array_of, column_of, floats_of, rows_of, triple_of
-from bfrt.scene.group import GroupWriter
-from bfrt.scene.header import header_text
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.model import Camera, Light, Material, Vector
-from bfrt.scene.store import (
+from bfrt.store.columns import Prepared, prepare
+from bfrt.store.extent import Bounds
+from bfrt.store.given import array_of, column_of, floats_of, rows_of, triple_of
+from bfrt.store.group import GroupWriter
+from bfrt.store.header import header_text
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Camera, Light, Material, Vector
+from bfrt.store.store import (
     HEADER,
     MADE,
     MAGIC,
@@ -46,6 +46,9 @@ from bfrt.scene.store import (
 from bfrt.streams.aside import refused, sync_folder
 from bfrt.streams.writer import FileWriter
 
+if TYPE_CHECKING:
+    from typing import Self  # Python 3.11
+
 log = logging.getLogger(__name__)
 
 #: Distinct materials that are remembered, so that a repeated one is stored once.
@@ -58,7 +61,7 @@ MOST_GROUPS = (1 << 16) // len(Kind)
 BLOCK = 65536
 
 
-class SceneWriter:
+class StoreWriter:
     """Write a scene store, block by block.
 
     Parameters
@@ -418,7 +421,7 @@ class SceneWriter:
             )
         return indices.astype(np.uint32, copy=False)
 
-    def close(self) -> Store:
+    def complete(self) -> Store:
         """Complete the store and give it its name; returns it, opened."""
         self._check_open()
         try:
@@ -514,7 +517,7 @@ class SceneWriter:
         self._palette.abandon()
         shutil.rmtree(self._aside, ignore_errors=True)
 
-    def __enter__(self) -> SceneWriter:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -526,7 +529,7 @@ class SceneWriter:
         if kind is not None:
             self.abandon()
         elif self._open:  # not closed in the block already
-            self.close()
+            self.complete()
 
 
 def _relative(kind: Kind, records: NDArray[Any], origin: Iterable[float]) -> NDArray[Any]:

@@ -15,8 +15,8 @@ from typing import Any
 
 from bfrt.errors import SceneError
 from bfrt.records import INDEX_BITS, Kind
-from bfrt.scene.hierarchy import MOST_LEVELS
-from bfrt.scene.model import Camera, Light, Vector
+from bfrt.store.hierarchy import MOST_LEVELS
+from bfrt.store.model import Camera, Light, Vector
 
 Check = Callable[[Any], Any]
 

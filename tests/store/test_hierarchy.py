@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import bfrt
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import PARENT, Kind
-from bfrt.scene._hierarchy import Merger, quantise
-from bfrt.scene.extent import Bounds
-from bfrt.scene.hierarchy import Hierarchy, make_levels, parse_hierarchy
+from bfrt.store._hierarchy import Merger, quantise
+from bfrt.store.extent import Bounds
+from bfrt.store.hierarchy import Hierarchy, make_levels, parse_hierarchy
 
 
 def random_boxes(rng, n):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfrt.scene.extent import FLATTEST, LARGEST, NOTHING, Bounds, Extent, bounds_of
+from bfrt.store.extent import FLATTEST, LARGEST, NOTHING, Bounds, Extent, bounds_of
 
 EMPTY = [np.inf] * 3 + [-np.inf] * 3
 

@@ -3,7 +3,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.scene.store import Stream
+from bfrt.store.store import Stream
 from bfrt.streams.reader import Tape
 
 class Sweep:

@@ -33,7 +33,7 @@ cdef class Sweep:
 
     Parameters
     ----------
-    stream : bfrt.scene.store.Stream
+    stream : bfrt.store.store.Stream
         What to sweep.
     origin : sequence of 3 float
         The store's.

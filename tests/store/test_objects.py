@@ -13,7 +13,7 @@ import pytest
 from capped import drop
 
 import bfrt
-from bfrt.scene.objects import Objects
+from bfrt.store.objects import Objects
 from bfrt.workers import Workers
 
 

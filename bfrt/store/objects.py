@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.records import INDEX_BITS
-from bfrt.scene.store import Group, Store, Stream
-from bfrt.scene.sweep import Sweep
+from bfrt.store.store import Group, Store, Stream
+from bfrt.store.sweep import Sweep
 
 if TYPE_CHECKING:
     from bfrt.workers import Workers
@@ -31,6 +31,9 @@ End = Callable[[int, Sweep], None]
 
 #: The fewest objects worth handing to a thread.
 FEWEST = 128
+
+#: Bytes of one read buffer; a worker has up to five a stream.
+READ_BUFFER = 1 << 18
 
 
 class Objects:
@@ -60,6 +63,12 @@ class Objects:
                 for _ in range(workers.threads - 1)
             ]
             self._sweeps[stream.number] = [first, *others]
+
+    @staticmethod
+    def bytes(streams: list[Stream], threads: int) -> int:
+        """Bytes of the read buffers of so many workers."""
+        largest = max((s.stride * s.largest for s in streams), default=0)
+        return len(streams) * threads * (READ_BUFFER * 10 // 4 + largest)
 
     def each(self, loop: Loop) -> int:
         """One pass: call `loop` for all objects, chunk by chunk; returns how many they were."""

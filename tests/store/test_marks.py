@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.errors import ShortReadError, StoreError, StreamError
-from bfrt.scene._coding import MOST_CODED, decode, encode
-from bfrt.scene.marks import (
+from bfrt.store._coding import MOST_CODED, decode, encode
+from bfrt.store.marks import (
     BRICK_BYTES,
     HEADER,
     Layout,
@@ -21,7 +21,7 @@ from bfrt.scene.marks import (
     open_marks,
     writing_marks,
 )
-from bfrt.scene.writer import SceneWriter
+from bfrt.store.writer import SceneWriter
 from bfrt.streams.reader import Reader, Tape
 
 #: 3 layers of 1 row of 2 bricks.

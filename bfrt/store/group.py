@@ -9,11 +9,11 @@ from typing import Any
 
 from bfrt.errors import SettingError
 from bfrt.records import Kind
-from bfrt.scene.columns import Prepared, StreamWriter
-from bfrt.scene.extent import Bounds, Extent
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.model import Vector
-from bfrt.scene.store import bounds_to
+from bfrt.store.columns import Prepared, StreamWriter
+from bfrt.store.extent import Bounds, Extent
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Vector
+from bfrt.store.store import bounds_to
 
 
 class GroupWriter:

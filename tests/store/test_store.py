@@ -16,11 +16,11 @@ from scenes import random_objects
 import bfrt
 from bfrt.errors import StoreError, StreamError
 from bfrt.records import INDEX_BITS, Kind
-from bfrt.scene.header import header_text
-from bfrt.scene.marks import Layout, marks_path, writing_marks
-from bfrt.scene.model import Camera, Light, Material
-from bfrt.scene.store import has_magic, object_id
-from bfrt.scene.writer import SceneWriter
+from bfrt.store.header import header_text
+from bfrt.store.marks import Layout, marks_path, writing_marks
+from bfrt.store.model import Camera, Light, Material
+from bfrt.store.store import has_magic, object_id
+from bfrt.store.writer import SceneWriter
 
 HUGE = [[-1e4, -1e4, 0], [1e4, -1e4, 0], [0, 1e4, 0]]
 

@@ -40,10 +40,10 @@ from bfrt.records import (
     SCALARS,
     Kind,
 )
-from bfrt.scene.extent import NOTHING, Bounds
-from bfrt.scene.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
-from bfrt.scene.hierarchy import Hierarchy
-from bfrt.scene.model import Camera, Light, Vector
+from bfrt.store.extent import NOTHING, Bounds
+from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Camera, Light, Vector
 from bfrt.streams.aside import refused
 
 MAGIC = "bfrt scene store"
@@ -197,7 +197,7 @@ class Store:
         StoreError
             For the first file that differs from what was written, marks included.
         """
-        from bfrt.scene.marks import verify_marks
+        from bfrt.store.marks import verify_marks
 
         open_store(self.path)
         for path, facts in self.files():

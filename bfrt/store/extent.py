@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.scene._bounds import gather
+from bfrt.store._bounds import gather
 
 #: Boxes kept aside while a group is written.
 LARGEST = 64

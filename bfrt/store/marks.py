@@ -1,7 +1,7 @@
 """Voxel marks on disk: made once for a store and a grid, used by every later render.
 
 Marks are kept by bricks of 8 x 8 x 8 voxels, of which those without any mark are left out, each
-coded by its commonest mark (bfrt/scene/_coding.pyx): a quarter of the bytes or less, for a slab is
+coded by its commonest mark (bfrt/store/_coding.pyx): a quarter of the bytes or less, for a slab is
 read in every pass of a scene whose grid memory does not hold. The bricks of a layer lie together::
 
     offset  bytes      what
@@ -40,8 +40,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError, StoreError, StreamError
-from bfrt.scene._coding import MOST_CODED, decode, encode
-from bfrt.scene.store import Group, Store
+from bfrt.store._coding import MOST_CODED, decode, encode
+from bfrt.store.store import Group, Store
 from bfrt.streams.aside import aside, put, refused
 from bfrt.streams.reader import Reader, Tape
 

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
 from bfrt.records import CODE_BYTES, PARENT
-from bfrt.scene._hierarchy import Merger, quantise
+from bfrt.store._hierarchy import Merger, quantise
 from bfrt.streams.aside import refused
 from bfrt.streams.writer import FileWriter
 

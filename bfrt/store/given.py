@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError
-from bfrt.scene.model import Vector
+from bfrt.store.model import Vector
 
 
 def array_of(name: str, value: ArrayLike) -> NDArray[Any]:

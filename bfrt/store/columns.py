@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, ShortReadError
 from bfrt.records import BOX_BYTES, INDEX_BITS, SCALARS, Kind
-from bfrt.scene._bounds import bound
-from bfrt.scene.extent import Extent
-from bfrt.scene.hierarchy import Hierarchy, Level, make_levels
-from bfrt.scene.model import Vector
+from bfrt.store._bounds import bound
+from bfrt.store.extent import Extent
+from bfrt.store.hierarchy import Hierarchy, Level, make_levels
+from bfrt.store.model import Vector
 from bfrt.streams.aside import refused
 from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads

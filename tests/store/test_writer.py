@@ -23,8 +23,8 @@ import bfrt
 from bfrt.errors import DiskFullError, SceneError, SettingError, StoreError, StreamError
 from bfrt.records import Kind
 from bfrt.scene import writer as writer_module
-from bfrt.scene.model import Camera, Light, Material
-from bfrt.scene.writer import SceneWriter
+from bfrt.store.model import Camera, Light, Material
+from bfrt.store.writer import SceneWriter
 
 UTM = np.array([500_000.0, 5_400_000.0, 300.0])
 SMALL = np.array([[[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]]])

@@ -1,0 +1,87 @@
+"""How a frame is held: the film and the finished image in memory, or bands of rows of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from bfrt.records import AOV_BYTES, FILM_BYTES, ON_REQUEST
+
+#: A pixel of the finished image: R G B A, Z, N and the two halves of the id, 4 bytes each.
+PIXEL_BYTES = 40
+
+#: Bytes that a band of image rows takes while it is written, encoders' copies included.
+IMAGE_BAND = 4 << 20
+
+#: Of the memory that a frame may share: what a whole frame takes at the most, and a band of it.
+FRAME_PART = 0.5
+BAND_PART = 0.15
+
+
+class FrameSize(NamedTuple):
+    """What a frame is: so many pixels, each of so many samples, with channels on request.
+
+    Attributes
+    ----------
+    width, height : int
+        Pixels; a width of 0 is no frame, but rays that somebody asks about.
+    samples : int
+        A pixel; 0 puts one at each pixel corner.
+    aovs : tuple of str
+        Which of `records.ON_REQUEST` it has.
+    """
+
+    width: int = 0
+    height: int = 0
+    samples: int = 1
+    aovs: tuple[str, ...] = ()
+
+    @property
+    def extra(self) -> int:
+        """Bytes that a film element, and a pixel, have beyond what they always have."""
+        return sum(ON_REQUEST[name] for name in self.aovs)
+
+    @property
+    def image_bytes(self) -> int:
+        """Bytes of the finished image, in memory or on disk."""
+        return self.width * self.height * (PIXEL_BYTES + self.extra)
+
+    def band_bytes(self, rows: int) -> int:
+        """Bytes of the film of a band of rows, while the image is on disk."""
+        corners = self.samples == 0
+        elements = (self.width + corners) * (rows + corners)
+        return elements * (FILM_BYTES + AOV_BYTES + self.extra) + IMAGE_BAND
+
+    @property
+    def whole_bytes(self) -> int:
+        """Bytes of the film, and of the image that is made of it while the film is still there."""
+        return self.band_bytes(self.height) + self.image_bytes
+
+
+class HeldFrame(NamedTuple):
+    """A frame of which so many rows at a time are in memory, in so many bytes."""
+
+    rows: int
+    bytes: int
+    on_disk: bool
+
+
+def held_frame(frame: FrameSize, room: int, fewest: int) -> HeldFrame:
+    """Choose how a frame is held: whole where that takes no more than its part of the room.
+
+    Parameters
+    ----------
+    room : int
+        Bytes that it shares.
+    fewest : int
+        Pixels of a band of rows at the least.
+    """
+    if not frame.width:
+        return HeldFrame(0, 0, on_disk=False)
+    whole = frame.whole_bytes
+    if whole <= room * FRAME_PART:
+        return HeldFrame(frame.height, whole, on_disk=False)
+    first = frame.band_bytes(1)
+    row = frame.band_bytes(2) - first
+    fits = int((room * BAND_PART - first) / row) + 1
+    rows = min(frame.height, max(fits, -(-fewest // frame.width)))
+    return HeldFrame(rows, frame.band_bytes(rows), on_disk=True)

@@ -1,0 +1,72 @@
+"""Amounts of memory: how people write them, and how much the machine has."""
+
+from __future__ import annotations
+
+import os
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from bfrt.errors import SettingError
+
+UNITS = {"": 1, "B": 1}
+for _power, _letter in enumerate("KMGT", 1):
+    UNITS[_letter + "B"] = UNITS[_letter.lower() + "B"] = 1000**_power
+    UNITS[_letter + "iB"] = 1024**_power
+
+#: Interpreter, NumPy, OpenEXR, our code and stacks (measured: 44 MiB), and the allocator's slack.
+BASELINE = 52 << 20
+
+#: Where Linux says which cgroups this process is in, and what their limits are.
+OWN_CGROUPS = Path("/proc/self/cgroup")
+CGROUPS = Path("/sys/fs/cgroup")
+
+
+def parse_memory(text: str | int) -> int:
+    """Bytes of ``"256MiB"``, ``"1.5 GB"`` or a number; MiB is 2^20, MB 10^6.
+
+    Raises
+    ------
+    SettingError
+        If it is not an amount of memory.
+    """
+    if isinstance(text, (int, np.integer)) and not isinstance(text, bool):
+        return int(text)
+    match = isinstance(text, str) and re.fullmatch(
+        r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]*)\s*", text
+    )
+    if not match or match[2] not in UNITS:
+        raise SettingError(f"memory: found {text!r}, expected an amount such as 256MiB or 1.5GB")
+    return int(Fraction(match[1]) * UNITS[match[2]])
+
+
+def format_memory(amount: int) -> str:
+    """An amount as people write it, rounded up to MiB."""
+    return f"{-(-amount // (1 << 20))}MiB"
+
+
+def default_memory() -> int:
+    """A quarter of the machine's memory, or of its cgroup's limit where that is less."""
+    machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return min([machine, *cgroup_limits()]) // 4
+
+
+def cgroup_limits() -> list[int]:
+    """Memory limits of this process's cgroup and of those above it; none where there are none."""
+    groups = OWN_CGROUPS.read_text().splitlines() if OWN_CGROUPS.exists() else []
+    limits = []
+    for group in groups:
+        _, controllers, name = group.split(":", 2)
+        if controllers == "":  # version 2
+            root, file = CGROUPS, "memory.max"
+        elif "memory" in controllers.split(","):
+            root, file = CGROUPS / "memory", "memory.limit_in_bytes"
+        else:
+            continue
+        folder = Path(name.lstrip("/"))
+        for path in (root / part / file for part in (folder, *folder.parents)):
+            if path.exists() and (text := path.read_text().strip()).isdigit():
+                limits.append(int(text))
+    return limits

@@ -1,0 +1,101 @@
+"""How far a render or a query is: told to a caller, or shown as a bar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from bfrt.errors import Cancelled, SettingError
+
+
+class Progress(NamedTuple):
+    """Where a render or a query is.
+
+    A frame that memory does not hold is rendered in bands of rows, each from its first depth on.
+
+    Attributes
+    ----------
+    depth : int
+        The depth of the rays that are being traced, from 1.
+    done : int
+        Rays of this depth that are finished.
+    total : int
+        Rays of this depth; of blocks of rays, those that have been taken.
+    band, bands : int
+        The band of rows, from 1, and how many there are.
+    """
+
+    depth: int
+    done: int
+    total: int
+    band: int = 1
+    bands: int = 1
+
+
+#: Called as often as a pass ends; returning False cancels.
+Report = Callable[[Progress], object]
+
+
+def tell(report: Report, progress: Progress) -> None:
+    """Report progress.
+
+    Raises
+    ------
+    Cancelled
+        If the report returns False.
+    """
+    if report(progress) is False:
+        raise Cancelled(
+            f"cancelled at depth {progress.depth}, with {progress.done} of {progress.total} rays "
+            "finished"
+        )
+
+
+@contextmanager
+def reporting(progress: bool | Report) -> Iterator[Report]:
+    """Yield what is reported to: nothing, a caller's own, or a bar."""
+    if progress is False:
+        yield lambda _: None
+    elif progress is not True:
+        yield progress
+    else:
+        with Bar() as bar:
+            yield bar.show
+
+
+class Bar:
+    """Shows a tqdm bar for each depth: rays finished, of the depth's rays."""
+
+    def __init__(self) -> None:
+        try:
+            from tqdm import tqdm
+        except ImportError:
+            raise SettingError("progress: a bar needs tqdm: install bfrt[progress]") from None
+        self._tqdm = tqdm
+        self._bar: Any = None
+        self._where = (0, 0)
+
+    def show(self, progress: Progress) -> None:
+        if (progress.band, progress.depth) != self._where:
+            self._close()
+            self._where = (progress.band, progress.depth)
+            band = f"band {progress.band} of {progress.bands}, " if progress.bands > 1 else ""
+            self._bar = self._tqdm(
+                total=progress.total,
+                desc=f"{band}depth {progress.depth}",
+                unit=" rays",
+                unit_scale=True,
+                disable=None,
+            )
+        self._bar.update(progress.done - self._bar.n)
+
+    def _close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()

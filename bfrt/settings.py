@@ -1,0 +1,160 @@
+"""What a caller may set, checked once, where it comes in.
+
+`Settings` are those that renders and ray queries share. None of them changes an answer or a picture.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bfrt.errors import SettingError
+from bfrt.memory import default_memory, parse_memory
+from bfrt.workers import usable_threads
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """One of the paper's refinements, each with those before it.
+
+    Attributes
+    ----------
+    name : str
+        The paper's, small.
+    lazy : bool
+        Whether geometry lies apart from boxes and is read only where a ray meets its box, or hits
+        it (the paper's S and G).
+    hierarchy : bool
+        Whether only boxes below those of the hierarchy that are near rays are read (its B).
+    """
+
+    name: str
+    lazy: bool
+    hierarchy: bool
+
+
+#: By their names, the least first.
+REFINEMENTS = {
+    made.name: made
+    for made in (
+        Refinement("base", lazy=False, hierarchy=False),
+        Refinement("sg", lazy=True, hierarchy=False),
+        Refinement("sgb", lazy=True, hierarchy=True),
+    )
+}
+
+#: The name of the one that is taken where none is asked for.
+FINEST = "sgb"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a scene is traced: what renders and ray queries have in common.
+
+    Attributes
+    ----------
+    memory : int
+        Bytes of the whole process.
+    threads : int
+    refinement : Refinement
+    grid : int, optional
+        Voxels on the longest axis of each grid, whatever the rule says.
+    max_grid : int, optional
+        The most that there may be on that axis.
+    fresh_marks : bool
+        Whether voxel marks are made again.
+    scratch : Path, optional
+        Folder for what does not fit in memory.
+    """
+
+    memory: int
+    threads: int
+    refinement: Refinement
+    grid: int | None = None
+    max_grid: int | None = None
+    fresh_marks: bool = False
+    scratch: Path | None = None
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str = FINEST,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        fresh_marks: bool = False,
+        scratch: str | os.PathLike[str] | None = None,
+    ) -> Settings:
+        """Check settings as a caller gives them: those of `bfrt.render`.
+
+        Raises
+        ------
+        SettingError
+            For the first that cannot be honoured.
+        """
+        if refine not in REFINEMENTS:
+            raise SettingError(
+                f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}"
+            )
+        return cls(
+            memory=default_memory() if memory is None else parse_memory(memory),
+            threads=usable_threads() if threads is None else at_least_one("threads", threads),
+            refinement=REFINEMENTS[refine],
+            grid=None if grid is None else at_least_one("grid", grid),
+            max_grid=None if max_grid is None else at_least_one("max_grid", max_grid),
+            fresh_marks=fresh_marks,
+            scratch=None if scratch is None else folder_of("scratch", scratch),
+        )
+
+    def scratch_beside(self, path: Path) -> Path:
+        """Return the folder for spools: that which was asked for, else beside a path."""
+        return scratch_folder(self.scratch, path)
+
+
+def at_least_one(name: str, value: int) -> int:
+    """Return the value, if it is a whole number of 1 or more.
+
+    Raises
+    ------
+    SettingError
+        If it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise SettingError(f"{name}: found {value!r}, expected a whole number of 1 or more")
+    return int(value)
+
+
+def folder_of(name: str, value: str | os.PathLike[str]) -> Path:
+    """Return a folder that is there.
+
+    Raises
+    ------
+    SettingError
+        If it is not.
+    """
+    folder = Path(value)
+    if not folder.is_dir():
+        raise SettingError(f"{name}: found {folder}, expected a folder that is there")
+    return folder
+
+
+def scratch_folder(scratch: str | os.PathLike[str] | None, beside: Path) -> Path:
+    """Return the folder for what does not fit in memory.
+
+    Parameters
+    ----------
+    scratch : path-like, optional
+        The one that is asked for.
+    beside : Path
+        Without one, its parent, or the system's temporary folder where that is read-only.
+    """
+    if scratch is not None:
+        return folder_of("scratch", scratch)
+    parent = beside.resolve().parent
+    return parent if os.access(parent, os.W_OK) else Path(tempfile.gettempdir())

@@ -1,0 +1,190 @@
+"""A session on a scene: what is costly, made once, for many queues of rays.
+
+::
+
+    Tracer ─┬─ workers                      threads
+            ├─ rays in flight               their memory, and their candidates'
+            └─ a group's objects and grid   open files, marks, slabs, rays stored in voxels
+
+    with Tracer(...) as tracer:
+        tracer.trace(queue, ends, counters, tell)      as often as there are queues
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from bfrt.budget import Capacities
+from bfrt.image.film import Film
+from bfrt.phases.crossings import Crossings
+from bfrt.phases.field import Field
+from bfrt.phases.traversal import Ends, Flight, Queue, Sink
+from bfrt.records import HIT
+from bfrt.store.objects import Objects
+from bfrt.store.store import Store
+from bfrt.settings import Settings
+from bfrt.stats import Counters, Stats
+from bfrt.streams.spool import Spool
+from bfrt.workers import Workers
+
+#: Called with the rays that are finished so far.
+Tell = Callable[[int], None]
+
+
+class Outcome(NamedTuple):
+    """Where rays come out.
+
+    Attributes
+    ----------
+    hits : Sink
+        Takes intersections; without a film all rays, whether they have met something or not.
+    film : Film, optional
+        Takes the light of shadow rays that met nothing, and the background of others.
+    crossings : Crossings, optional
+        Takes all that rays meet, each of which then goes on to its end.
+    """
+
+    hits: Sink
+    film: Film | None = None
+    crossings: Crossings | None = None
+
+
+class Tracer:
+    """Finds what queues of rays meet in a scene: preprocess, traversal and intersection.
+
+    All memory of these phases is taken here, but for the grid of one group where there are
+    several: rays go through one after another, each of which takes the place of the one before.
+
+    Parameters
+    ----------
+    store : Store
+    settings : Settings
+    capacities : Capacities
+        What the budget is divided into.
+
+    Attributes
+    ----------
+    fields : list of Field
+        The groups, each with its grid.
+    prepared : Counters
+        What it took to see that there are marks.
+    """
+
+    def __init__(self, store: Store, settings: Settings, capacities: Capacities) -> None:
+        self.store = store
+        self.settings = settings
+        self.capacities = capacities
+        self.scratch = settings.scratch_beside(store.path)
+        self.prepared = Counters()
+        self.workers = Workers(capacities.threads)
+        self._entered: Field | None = None
+        self._background = np.array(store.background, np.float64)
+        try:
+            self.fields = [
+                Field(store, group, self.workers, capacities, settings) for group in store.groups
+            ]
+            with self.prepared.phases.preprocess.timed():
+                for field in self.fields:
+                    field.preprocess(settings.fresh_marks, self.prepared)
+            self._flight = Flight(capacities.rays, capacities.candidates, self.workers)
+            room = capacities.hits if len(self.fields) > 1 else 0
+            self._between = [Spool(HIT, room, self.scratch) for _ in range(2)]
+        except BaseException:
+            self.workers.close()
+            raise
+
+    @property
+    def objects(self) -> list[Objects]:
+        """The objects of each group."""
+        return [field.objects for field in self.fields]
+
+    @property
+    def bad(self) -> int:
+        """Rays so far that were NaN or had no direction."""
+        return self._flight.bad
+
+    def __enter__(self) -> Tracer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the threads, close the files, and give back what is on disk."""
+        self._leave()
+        for spool in self._between:
+            spool.close()
+        self.workers.close()
+
+    def begin(self, stats: Stats) -> None:
+        """Tell a record of what was prepared; a second one, that all was there."""
+        stats.marks_reused = all(field.marks_reused for field in self.fields)
+        stats.grids.extend(field.facts for field in self.fields)
+        stats.total.add(self.prepared)
+        self.prepared = Counters()
+        for field in self.fields:
+            field.marks_reused = True
+
+    def trace(self, queue: Queue, outcome: Outcome, counters: Counters, tell: Tell) -> None:
+        """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
+        passage = Passage(self._flight, counters, tell)
+        self._flight.begin(outcome.crossings)
+        last = self.fields[-1]
+        for field, between in zip(self.fields, itertools.cycle(self._between), strict=False):
+            hits: Sink = outcome.hits if field is last else between
+            ends = Ends(hits, outcome.film, self._background, field is last)
+            if len(queue):
+                self._enter(field)
+            passage.go(field, queue, ends)
+            for spool in self._between:
+                counters.phases.traversal.spooled(spool)
+                if spool is queue:
+                    spool.clear()
+            queue = between
+        tell(passage.done)
+
+    def _enter(self, field: Field) -> None:
+        if self._entered is not field:
+            self._leave()
+            self._flight.enter(field.open())
+            self._entered = field
+
+    def _leave(self) -> None:
+        if self._entered is not None:
+            self._entered.close()
+            self._entered = None
+
+
+class Passage:
+    """The way of a queue of rays through the groups: the paper's ``intersection()``.
+
+    Attributes
+    ----------
+    done : int
+        Rays that are finished.
+    """
+
+    def __init__(self, flight: Flight, counters: Counters, tell: Tell) -> None:
+        self.done = 0
+        self._flight = flight
+        self._counters = counters
+        self._tell = tell
+
+    def go(self, field: Field, queue: Queue, ends: Ends) -> None:
+        """Take a queue through one group."""
+        flight, counters, phases = self._flight, self._counters, self._counters.phases
+        while len(queue) or flight.active:
+            self._tell(self.done)
+            with phases.traversal.timed():
+                self.done += flight.admit(queue, ends, counters)
+                if flight.active:
+                    flight.collect(field.read, counters, selective=field.selective)
+            if flight.active:
+                with phases.intersection.timed():
+                    field.intersect(flight, counters)
+                with phases.traversal.timed():
+                    self.done += flight.settle(ends, counters)

@@ -1,0 +1,99 @@
+"""What a picture is of, and how it is sampled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from bfrt.errors import SettingError
+from bfrt.framing import framing_camera, framing_lights
+from bfrt.image.frame import FrameSize
+from bfrt.records import ON_REQUEST
+from bfrt.store.model import Camera, Light
+from bfrt.store.store import Store
+from bfrt.settings import at_least_one
+
+#: SPD's procedure: one ray at each pixel corner, five hits deep.
+CORNERS = 0
+DEPTH = 5
+
+
+@dataclass(frozen=True)
+class View:
+    """A view of a scene: what changes the picture.
+
+    Attributes
+    ----------
+    camera : Camera
+    lights : list of Light
+        The scene's, and those that were added to it.
+    added : list of Light
+        Those, where the scene has none.
+    samples : int
+        A pixel; 0 puts one at each pixel corner.
+    depth : int
+        Hits shaded along a path, the eye ray's included.
+    aovs : tuple of str
+        Which of `records.ON_REQUEST` the picture has.
+    """
+
+    camera: Camera
+    lights: list[Light]
+    added: list[Light]
+    samples: int
+    depth: int
+    aovs: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        store: Store,
+        camera: Camera | None,
+        samples: int | None,
+        depth: int,
+        aovs: Sequence[str],
+    ) -> View:
+        """Check what a caller asks of a picture: as for `bfrt.render`.
+
+        Raises
+        ------
+        SettingError
+            For the first that cannot be honoured; if there is no camera, and no object that one
+            could frame.
+        """
+        camera = camera or store.camera or framing_camera(store)
+        added = [] if store.lights else framing_lights(store, camera)
+        return cls(
+            camera=camera,
+            lights=[*store.lights, *added],
+            added=added,
+            samples=CORNERS if samples is None else at_least_one("samples", samples),
+            depth=at_least_one("depth", depth),
+            aovs=aovs_of(aovs),
+        )
+
+    @property
+    def frame(self) -> FrameSize:
+        """The size of its frame."""
+        return FrameSize(*self.camera.resolution, self.samples, self.aovs)
+
+    def sized(self, resolution: tuple[int, int] | None) -> View:
+        """Return the same view with another resolution, if one is given."""
+        if resolution is None:
+            return self
+        return replace(self, camera=replace(self.camera, resolution=resolution))
+
+
+def aovs_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Return those of `records.ON_REQUEST` that are named, in its order.
+
+    Raises
+    ------
+    SettingError
+        For a name that is none of them.
+    """
+    unknown = [name for name in names if name not in ON_REQUEST]
+    if unknown or isinstance(names, str):
+        found = repr(names if isinstance(names, str) else unknown[0])
+        raise SettingError(f"aovs: found {found}, expected a sequence of {', '.join(ON_REQUEST)}")
+    return tuple(name for name in ON_REQUEST if name in names)
