@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bfrt.budget import Capacities, capacities
+from bfrt.budget import Capacities
 from bfrt.phases.eye import count_eye_rays
 from bfrt.phases.partition import partition_of, subspaces
 from bfrt.phases.preprocess import lattice_of, layout_of
@@ -27,9 +27,8 @@ from bfrt.store.store import Group, Store
 from bfrt.view import View
 
 
-def plan_of(store: Store, view: View, settings: Settings) -> Plan:
-    """Tell what a render of a view would take: `bfrt.plan`."""
-    held = capacities(store, settings, view.frame)
+def plan_of(store: Store, view: View, settings: Settings, held: Capacities) -> Plan:
+    """Tell what a render of a view would take, with what its budget holds: `bfrt.plan`."""
     told = {
         "refine": settings.refinement.name,
         "memory": settings.memory,

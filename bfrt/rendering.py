@@ -6,14 +6,12 @@ import logging
 import time
 from collections.abc import Iterable
 
-from bfrt.budget import Capacities, capacities
 from bfrt.image.canvas import Canvas
 from bfrt.image.film import Film
 from bfrt.image.picture import Image
 from bfrt.progress import Report
 from bfrt.store.store import Store
 from bfrt.scheduler import Render
-from bfrt.settings import Settings
 from bfrt.stats import Stats, peak_rss
 from bfrt.tracer import Tracer
 from bfrt.view import View
@@ -24,41 +22,50 @@ log = logging.getLogger(__name__)
 BAND = 1 << 20
 
 
-def picture_of(store: Store, view: View, settings: Settings, report: Report) -> Image:
-    """Trace a view of a scene into a picture; the settings and errors are those of `bfrt.render`.
+def picture_of(tracer: Tracer, view: View, report: Report) -> Image:
+    """Trace a view of a scene into a picture.
 
     Parameters
     ----------
+    tracer : Tracer
+        A session on the scene, with capacities for the view's frame.
+    view : View
     report : Report
         Called after each pass; returning False cancels.
+
+    Raises
+    ------
+    StoreError, Cancelled, DiskFullError, StreamError
+        As `bfrt.render`.
     """
     start = time.perf_counter()
-    plan = capacities(store, settings, view.frame)
-    stats = stats_of(store, settings, plan)
+    store, plan = tracer.store, tracer.capacities
+    stats = stats_of(tracer)
     stats.settings["depth"] = view.depth
-    scratch = settings.scratch_beside(store.path)
-    canvas = Canvas(*view.camera.resolution, scratch if plan.frame_on_disk else None)
-    with Tracer(store, settings, plan) as tracer:
-        Render(tracer, view, stats, report).run(lambda film: develop(film, canvas))
+    canvas = Canvas(*view.camera.resolution, tracer.scratch if plan.frame_on_disk else None)
+    Render(tracer, view, stats, report).run(lambda film: develop(film, canvas))
     image = Image(canvas.channels(), describe(store, view), stats)
-    stats.total.seconds = time.perf_counter() - start
+    stats.total.seconds += time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
     if stats.bad_rays:
         log.warning("%d rays were NaN or had no direction, and hit nothing", stats.bad_rays)
     return image
 
 
-def stats_of(store: Store, settings: Settings, plan: Capacities) -> Stats:
+def stats_of(tracer: Tracer) -> Stats:
     """Begin the counters of a render or a query."""
+    store, settings = tracer.store, tracer.settings
     refinement = settings.refinement
     return Stats(
         objects=store.objects,
         scene_bytes=store.bytes,
         settings={
-            "refine": refinement.name, "memory": plan.memory, "threads": plan.threads,
+            "refine": refinement.name,
+            "memory": settings.memory,
+            "threads": settings.threads,
         },
         hierarchy_seconds=store.hierarchy_seconds if refinement.hierarchy else 0.0,
-    )  # fmt: skip
+    )
 
 
 def develop(film: Film, canvas: Canvas) -> None:

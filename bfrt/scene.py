@@ -13,8 +13,9 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bfrt.budget import capacities
+from bfrt.budget import NO_FRAME, Capacities, capacities
 from bfrt.framing import framing_camera as framing_camera_of
+from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
 from bfrt.planned import Plan
 from bfrt.planning import plan_of
@@ -34,6 +35,9 @@ from bfrt.tracer import Tracer
 from bfrt.view import DEPTH, View
 
 PathLike = str | os.PathLike[str]
+
+#: Divides the budget of settings, for a scene and a frame.
+Divide = Callable[[Store, Settings, FrameSize], Capacities]
 
 
 class Geometry(NamedTuple):
@@ -64,6 +68,8 @@ class Scene:
     ----------
     store : Store
         The open store.
+    divide : callable
+        Divides a budget: `bfrt.budget.capacities`, or what gives less.
 
     Attributes
     ----------
@@ -71,8 +77,9 @@ class Scene:
         Its inside: groups, streams, files.
     """
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, divide: Divide = capacities) -> None:
         self.store = store
+        self._divide = divide
         self._kept: Tracer | None = None
         self._busy = threading.Lock()
 
@@ -168,6 +175,9 @@ class Scene:
         if kept is not None:
             kept.close()
 
+    def _tracer(self, settings: Settings) -> Tracer:
+        return Tracer(self.store, settings, self._divide(self.store, settings, NO_FRAME))
+
     @contextmanager
     def _session(self, settings: Settings) -> Iterator[Tracer]:
         """Yield a tracer of these settings: the kept one where it fits and is free.
@@ -175,13 +185,13 @@ class Scene:
         One that was broken off is not kept, and neither is one whose marks had to be fresh.
         """
         if not self._busy.acquire(blocking=False):
-            with Tracer(self.store, settings, capacities(self.store, settings)) as other:
+            with self._tracer(settings) as other:
                 yield other
             return
         try:
             if self._kept is None or self._kept.settings != settings:
                 self._forget()
-                self._kept = Tracer(self.store, settings, capacities(self.store, settings))
+                self._kept = self._tracer(settings)
             tracer, self._kept = self._kept, None
             try:
                 yield tracer
@@ -317,7 +327,9 @@ class Scene:
             fresh_marks=fresh_marks, scratch=scratch,
         )  # fmt: skip
         with reporting(progress) as report:
-            return picture_of(self.store, view, settings, report)
+            plan = self._divide(self.store, settings, view.frame)
+            with Tracer(self.store, settings, plan) as tracer:
+                return picture_of(tracer, view, report)
 
     def plan(
         self,
@@ -359,7 +371,8 @@ class Scene:
             memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
             fresh_marks=fresh_marks, scratch=scratch,
         )  # fmt: skip
-        return plan_of(self.store, view, settings)
+        held = self._divide(self.store, settings, view.frame)
+        return plan_of(self.store, view, settings, held)
 
     def cast_rays(
         self,

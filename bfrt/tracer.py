@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -71,10 +72,11 @@ class Tracer:
     fields : list of Field
         The groups, each with its grid.
     prepared : Counters
-        What it took to see that there are marks.
+        What it took to make all this ready, marks above all.
     """
 
     def __init__(self, store: Store, settings: Settings, capacities: Capacities) -> None:
+        start = time.perf_counter()
         self.store = store
         self.settings = settings
         self.capacities = capacities
@@ -93,6 +95,7 @@ class Tracer:
             self._flight = Flight(capacities.rays, capacities.candidates, self.workers)
             room = capacities.hits if len(self.fields) > 1 else 0
             self._between = [Spool(HIT, room, self.scratch) for _ in range(2)]
+            self.prepared.seconds = time.perf_counter() - start
         except BaseException:
             self.workers.close()
             raise

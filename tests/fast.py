@@ -26,11 +26,11 @@ from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import Group, Store, open_store
-from bfrt.store.writer import SceneWriter
-from bfrt.scheduler import Tracer
+from bfrt.store.writer import StoreWriter
+from bfrt.settings import REFINEMENTS, Settings
 from bfrt.stats import Counters
 from bfrt.streams.spool import Spool
-from bfrt.workers import Workers
+from bfrt.tracer import Outcome, Tracer
 
 Array = NDArray[np.float64]
 
@@ -193,31 +193,21 @@ def _traced(
     )
     film = Film(max(1, len(rays)), 1, 1)
     counters = Counters()
-    workers = Workers(capacities.threads)
     hits = Spool(HIT, capacities.hits, scratch)
     queue = Spool(QUEUED, capacities.queue, scratch)
     told: list[int] = []
-    tracer = None
+    settings = Settings(
+        memory=0, threads=capacities.threads, refinement=REFINEMENTS[refine], scratch=scratch
+    )
     try:
-        tracer = Tracer(
-            crowded,
-            film,
-            workers,
-            capacities,
-            refine=refine,
-            fresh_marks=False,
-            scratch=scratch,
-            counters=counters,
-        )
-        queue.append(rays)
-        tracer.trace(queue, hits, counters, told.append)
-        assert told == sorted(told)
-        assert told[-1] == len(rays)
-        yield hits, film, counters
+        with Tracer(crowded, settings, capacities) as tracer:
+            counters.add(tracer.prepared)
+            queue.append(rays)
+            tracer.trace(queue, Outcome(hits, film), counters, told.append)
+            assert told == sorted(told)
+            assert told[-1] == len(rays)
+            yield hits, film, counters
     finally:
-        if tracer is not None:
-            tracer.close()
-        workers.close()
         hits.close()
         queue.close()
 
@@ -258,7 +248,7 @@ def write(
         Kind.TRIANGLE: objects.triangles,
         Kind.PATCH: objects.patches,
     }
-    with SceneWriter(path, origin=origin, hierarchy=DEEP) as writer:
+    with StoreWriter(path, origin=origin, hierarchy=DEEP) as writer:
         for kind, table in tables.items():
             if len(table):
                 writer.append(kind, table.astype(dtype))

@@ -11,12 +11,17 @@ from hypothesis import strategies as st
 
 import bfrt
 from bfrt import budget
-from bfrt.budget import capacities, default_memory, fixed_bytes, format_memory, parse_memory
+from bfrt import memory as memory_module
+from bfrt.budget import capacities, fixed_bytes
 from bfrt.errors import BudgetError, SettingError
+from bfrt.image.frame import FrameSize
+from bfrt.memory import default_memory, format_memory, parse_memory
 from bfrt.phases.partition import partition_of
+from bfrt.phases.traversal import FEWEST_RAYS, FLYING_BYTES
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
+from bfrt.settings import Settings
 from bfrt.store.model import Light, Material
-from bfrt.store.writer import SceneWriter
+from bfrt.store.writer import StoreWriter
 
 MIB = 1 << 20
 
@@ -73,10 +78,10 @@ def machine(monkeypatch, tmp_path):
     """A machine of 16 GiB whose cgroups are files below tmp_path."""
     pages = (16 << 30) // 4096
     monkeypatch.setattr(
-        budget.os, "sysconf", lambda name: {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": pages}[name]
+        memory_module.os, "sysconf", lambda name: {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": pages}[name]
     )
-    monkeypatch.setattr(budget, "OWN_CGROUPS", tmp_path / "own")
-    monkeypatch.setattr(budget, "CGROUPS", tmp_path / "cgroup")
+    monkeypatch.setattr(memory_module, "OWN_CGROUPS", tmp_path / "own")
+    monkeypatch.setattr(memory_module, "CGROUPS", tmp_path / "cgroup")
     return tmp_path
 
 
@@ -114,10 +119,10 @@ def stores(tmp_path_factory):
     """An empty store, a small one, and one of several streams with a large polygon."""
     folder = tmp_path_factory.mktemp("budget")
     rng = np.random.default_rng(1)
-    SceneWriter(folder / "empty").close()
-    with SceneWriter(folder / "small") as writer:
+    StoreWriter(folder / "empty").complete()
+    with StoreWriter(folder / "small") as writer:
         writer.spheres(rng.random((50, 3), np.float32), 0.1)
-    with SceneWriter(folder / "several") as writer:
+    with StoreWriter(folder / "several") as writer:
         for k in range(3000):
             writer.material(Material(kd=k / 4096))
         writer.light(Light((0, 0, 0)))
@@ -126,7 +131,13 @@ def stores(tmp_path_factory):
         turn = np.linspace(0, 2 * np.pi, 30_000, endpoint=False)
         outline = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
         writer.polygons(outline.astype(np.float32), [len(turn)])
-    return [bfrt.open(folder / name) for name in ("empty", "small", "several")]
+    return [bfrt.open(folder / name).store for name in ("empty", "small", "several")]
+
+
+def divided(store, width, height, samples, memory, threads, aovs=()):
+    """What a budget holds."""
+    settings = Settings.of(memory=memory, threads=threads)
+    return capacities(store, settings, FrameSize(width, height, samples, tuple(aovs)))
 
 
 VIEW = st.tuples(
@@ -138,7 +149,7 @@ AOVS = st.sampled_from([(), ("position",), ("albedo",), ("position", "albedo")])
 def least_of(store, width, height, samples, threads, aovs=()):
     """What the refusal of one byte names, in bytes."""
     with pytest.raises(BudgetError) as caught:
-        capacities(store, width, height, samples, 1, threads, aovs=aovs)
+        divided(store, width, height, samples, 1, threads, aovs=aovs)
     message = str(caught.value)
     found = re.fullmatch(
         rf"memory: found 0MiB, expected (\d+MiB) or more for {width} x {height} pixels "
@@ -153,11 +164,11 @@ def test_the_least_that_is_named_works_and_less_does_not(stores, view, which, ao
     store = stores[which]
     width, height, samples, threads = view
     least = least_of(store, *view, aovs)
-    plan = capacities(store, width, height, samples, least, threads, aovs=aovs)
+    plan = divided(store, width, height, samples, least, threads, aovs=aovs)
     assert min(plan.blocks, plan.subspace, plan.rays, plan.candidates, plan.hits, plan.queue) > 0
-    assert plan.rays >= budget.FEWEST_RAYS - 1
+    assert plan.rays >= FEWEST_RAYS - 1
     with pytest.raises(BudgetError):
-        capacities(store, width, height, samples, least - MIB, threads, aovs=aovs)
+        divided(store, width, height, samples, least - MIB, threads, aovs=aovs)
 
 
 @settings(max_examples=300)
@@ -166,7 +177,7 @@ def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more, 
     store = stores[which]
     width, height, samples, threads = view
     memory = least_of(store, *view, aovs) + more
-    plan = capacities(store, width, height, samples, memory, threads, aovs=aovs)
+    plan = divided(store, width, height, samples, memory, threads, aovs=aovs)
     group = store.groups[0]
     cut = partition_of(group, plan.limits)
     parts = {
@@ -205,7 +216,7 @@ def test_more_memory_holds_no_fewer_rays(stores, view, which, more, step):
     width, height, samples, threads = view
     memory = least_of(stores[which], *view) + more
     one, two = (
-        capacities(stores[which], width, height, samples, m, threads)
+        divided(stores[which], width, height, samples, m, threads)
         for m in (memory, memory + step)
     )
     # But where the whole frame begins to fit, it does so in place of rays.
@@ -224,13 +235,13 @@ def test_more_work_needs_more(stores, part):
 @pytest.mark.parametrize("memory", [0, -1, 1000])
 def test_next_to_nothing_is_refused(stores, memory):
     with pytest.raises(BudgetError, match="memory: found"):
-        capacities(stores[1], 64, 64, 0, memory, 1)
+        divided(stores[1], 64, 64, 0, memory, 1)
 
 
 def test_a_refusal_never_names_what_was_given(stores):
     least = least_of(stores[1], 512, 512, 0, 2)
     with pytest.raises(BudgetError) as caught:
-        capacities(stores[1], 512, 512, 0, least - MIB, 2)
+        divided(stores[1], 512, 512, 0, least - MIB, 2)
     found, expected = re.findall(r"(\d+)MiB", str(caught.value))
     assert int(found) < int(expected)
 
@@ -238,25 +249,25 @@ def test_a_refusal_never_names_what_was_given(stores):
 def test_channels_on_request_take_their_bytes_from_the_rays(stores):
     """Film and image have them; what is not asked for takes nothing."""
     plans = [
-        capacities(stores[1], 512, 512, 16, 512 << 20, 2, aovs=aovs)
+        divided(stores[1], 512, 512, 16, 512 << 20, 2, aovs=aovs)
         for aovs in ((), ("position",), ("position", "albedo"))
     ]
-    assert plans[0] == capacities(stores[1], 512, 512, 16, 512 << 20, 2)
+    assert plans[0] == divided(stores[1], 512, 512, 16, 512 << 20, 2)
     lost = -np.diff([plan.rays for plan in plans])
-    part = budget.FLYING_PART * 2 * 12 * 512 * 512 / budget.FLYING_BYTES
+    part = budget.FLYING_PART * 2 * 12 * 512 * 512 / FLYING_BYTES
     assert (lost > 0).all() and lost == pytest.approx([part, part], rel=0.2)
     # The least in which the frame is in memory without them: it is not, with them.
     edge = next(
         memory
         for memory in range(128 * MIB, 1024 * MIB, MIB)
-        if not capacities(stores[1], 1400, 1400, 1, memory, 2).frame_on_disk
+        if not divided(stores[1], 1400, 1400, 1, memory, 2).frame_on_disk
     )
-    assert capacities(stores[1], 1400, 1400, 1, edge, 2, aovs=("albedo",)).frame_on_disk
+    assert divided(stores[1], 1400, 1400, 1, edge, 2, aovs=("albedo",)).frame_on_disk
 
 
 def test_a_larger_frame_needs_hardly_more(stores):
     """It is rendered in bands of rows."""
     small, large = (least_of(stores[1], side, side, 0, 2) for side in (64, 8192))
     assert large < small + (8 << 20)
-    plan = capacities(stores[1], 8192, 8192, 0, 256 << 20, 2)
+    plan = divided(stores[1], 8192, 8192, 0, 256 << 20, 2)
     assert plan.frame_on_disk and 16 <= plan.rows < 8192

@@ -1,15 +1,14 @@
 """A plan against the render that it is of: what is exact, what is estimated, what is refused."""
 
-import importlib
 import json
 import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from injected import dividing
 
 import bfrt
-from bfrt.budget import capacities
 from bfrt.planned import ASSUMED
 from bfrt.planning import swept_of, waves
 from bfrt.records import Kind
@@ -133,14 +132,12 @@ def test_a_frame_on_disk_and_its_bands(rings):
     exact(planned, image, bands)
 
 
-def test_slabs_subspaces_and_two_levels(glass, monkeypatch):
-    def tight(*arguments, **settings):
-        given = capacities(*arguments, **settings)
+def test_slabs_subspaces_and_two_levels(glass):
+    def tight(given):
         limits = given.limits._replace(slab=512 * 60, single=16**3)
         return replace(given, limits=limits, subspace=20_000, rays=3000, candidates=12_000)
 
-    monkeypatch.setattr(importlib.import_module("bfrt.rendering"), "capacities", tight)
-    scene = bfrt.open(glass.path)
+    scene = dividing(glass, tight)
     settings = {"memory": "256MiB", "threads": 2, "grid": 50}
     planned, image, bands = both(scene, fresh_marks=True, **settings)
     (grid,) = planned.grids

@@ -1,7 +1,6 @@
 """The whole path: the same picture whatever the machine is given to make it with."""
 
 import hashlib
-import importlib
 import json
 import os
 import subprocess
@@ -12,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from capped import memory_cap
+from injected import dividing
 from memory_cap import run_in
 
 import bfrt
-from bfrt.budget import format_memory
+from bfrt.memory import format_memory
 from bfrt.records import NO_HIT, ON_REQUEST
 
 ROOT = Path(__file__).parent.parent
@@ -98,19 +98,15 @@ def test_the_picture_is_the_same_for_any_budget(rings, small, memory):
     same(image, bfrt.render(rings, camera=small, threads=2, memory="512MiB", aovs=AOVS))
 
 
-def test_the_picture_is_the_same_when_nearly_everything_is_spooled(glass, tmp_path, monkeypatch):
+def test_the_picture_is_the_same_when_nearly_everything_is_spooled(glass, tmp_path):
     """Few rays in flight, few candidates, few hits and queued rays in memory, a coarse grid."""
-    module = importlib.import_module("bfrt.rendering")
-    from bfrt.budget import capacities
 
-    def tight(*arguments, **settings):
-        given = capacities(*arguments, **settings)
+    def tight(given):
         limits = given.limits._replace(voxels=30)
         return replace(given, limits=limits, rays=97, candidates=97, hits=50, queue=13)
 
     expected = bfrt.render(glass, memory="512MiB", aovs=AOVS)
-    monkeypatch.setattr(module, "capacities", tight)
-    image = bfrt.render(glass, memory="512MiB", aovs=AOVS, scratch=tmp_path, fresh_marks=True)
+    image = bfrt.render(dividing(glass, tight), memory="512MiB", aovs=AOVS, scratch=tmp_path, fresh_marks=True)
     same(image, expected)
     assert sum(phase.bytes_written for phase in [image.stats.total.phases.shading]) > 100_000
     assert list(tmp_path.iterdir()) == []
@@ -276,13 +272,10 @@ def test_every_file_of_the_package_renders(tmp_path):
 
 @pytest.mark.parametrize("samples", [None, 3])
 @pytest.mark.parametrize("rows", [1, 7, 16])
-def test_bands_of_rows_make_the_same_picture(rings, tmp_path, monkeypatch, rows, samples):
+def test_bands_of_rows_make_the_same_picture(rings, tmp_path, rows, samples):
     """Corners between bands are traced once, and belong to both."""
-    module = importlib.import_module("bfrt.rendering")
-    from bfrt.budget import capacities
 
-    def banded(*arguments, **settings):
-        given = capacities(*arguments, **settings)
+    def banded(given):
         return replace(given, rows=rows, frame_on_disk=True)
 
     camera = replace(rings.camera, resolution=(24, 17))
@@ -290,9 +283,8 @@ def test_bands_of_rows_make_the_same_picture(rings, tmp_path, monkeypatch, rows,
         "camera": camera, "memory": "256MiB", "samples": samples, "aovs": AOVS, "scratch": tmp_path,
     }  # fmt: skip
     expected = bfrt.render(rings, **settings)
-    monkeypatch.setattr(module, "capacities", banded)
     told = []
-    image = bfrt.render(rings, progress=told.append, **settings)
+    image = bfrt.render(dividing(rings, banded), progress=told.append, **settings)
     same(image, expected)
     assert image.stats.total.rays == expected.stats.total.rays
     bands = -(-17 // rows)

@@ -137,7 +137,7 @@ class Asking:
         self.tracer = tracer
         self.queue = AskedRays(tracer.store, blocks, kind)
         self.plan = tracer.capacities
-        self.stats = stats_of(tracer.store, tracer.settings, self.plan)
+        self.stats = stats_of(tracer)
         self._known = known
         self._report = report
         self._start = time.perf_counter()
@@ -163,7 +163,7 @@ class Asking:
         bad = self.queue.bad
         answer = Answer(arrays)
         answer.stats = self.stats
-        self.stats.total.seconds = time.perf_counter() - self._start
+        self.stats.total.seconds += time.perf_counter() - self._start
         self.stats.bad_rays = bad
         self.stats.peak_rss_bytes = peak_rss()
         if bad:

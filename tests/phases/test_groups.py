@@ -33,7 +33,7 @@ def split(path, rng, groups):
         for group in range(groups):
             for kind, table in tables:
                 writer.append(kind, table[group::groups], group=group)
-    return bfrt.open(path)
+    return open_store(path)
 
 
 @pytest.mark.parametrize("capacities", [fast.ROOMY, TIGHT], ids=["roomy", "tight"])

@@ -18,7 +18,7 @@ from bfrt.phases.eye import EyeRays
 from bfrt.records import NO_HIT
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects
-from bfrt.rendering import REFINEMENTS
+from bfrt.settings import REFINEMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))

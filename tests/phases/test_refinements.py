@@ -16,7 +16,7 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._selection import Selection
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import ON_REQUEST, PARENT, Kind
-from bfrt.rendering import REFINEMENTS
+from bfrt.settings import REFINEMENTS
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.workers import Workers
 

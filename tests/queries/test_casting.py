@@ -12,17 +12,18 @@ import numpy as np
 import pytest
 from capped import memory_cap
 from failing import refuse_reads
+from injected import holding
 from memory_cap import run_in
 from scenes import hard_scenes, random_rays
 
 import bfrt
-from bfrt import rendering
 from bfrt.errors import SceneError, SettingError
 from bfrt.phases.partition import Limits
 from bfrt.queries import answers
 from bfrt.queries import rays as rays_module
 from bfrt.records import INDEX_BITS, NO_HIT
 from bfrt.reference import exhaustive
+from bfrt.scene import Scene
 
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
@@ -38,18 +39,19 @@ PLANS = {
 
 @pytest.fixture(params=PLANS)
 def planned(request, monkeypatch):
-    plan = PLANS[request.param]
-    monkeypatch.setattr(rendering, "capacities", lambda *_, **__: plan)
+    """What a query's budget holds."""
     monkeypatch.setattr(answers, "ROWS", 97)
+    return PLANS[request.param]
 
 
-def make(tmp_path, name, n=40):
+def make(tmp_path, name, plan, n=40):
+    """A scene whose budgets hold `plan`, and rays."""
     rng = np.random.default_rng(NAMES.index(name))
     objects = hard_scenes(rng)[name]
     store = fast.write(objects, tmp_path / "s.bfrt")
     rays = random_rays(rng, objects, n)
     origins, directions = (np.concatenate(some) for some in zip(*rays.values(), strict=True))
-    return bfrt.open(store.path), origins, directions
+    return holding(Scene(store), plan), origins, directions
 
 
 def ids_of(answer):
@@ -61,9 +63,9 @@ def ids_of(answer):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_cast_rays_is_brute_force(tmp_path, planned, name):
-    scene, origins, directions = make(tmp_path, name)
+    scene, origins, directions = make(tmp_path, name, planned)
     answer = scene.cast_rays(origins, directions)
-    t, ids = exhaustive.nearest(scene, origins - np.array(scene.origin), directions)
+    t, ids = exhaustive.nearest(scene.store, origins - np.array(scene.origin), directions)
     np.testing.assert_array_equal(answer["t_hit"], t)
     np.testing.assert_array_equal(ids_of(answer), ids)
     missed = ids == NO_HIT
@@ -74,22 +76,22 @@ def test_cast_rays_is_brute_force(tmp_path, planned, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_occluded_is_brute_force(tmp_path, planned, name):
-    scene, origins, directions = make(tmp_path, name)
+    scene, origins, directions = make(tmp_path, name, planned)
     end = np.random.default_rng(5).uniform(0.0, 3.0, len(origins))
-    expected = exhaustive.occluded(scene, origins - np.array(scene.origin), directions, end)
+    expected = exhaustive.occluded(scene.store, origins - np.array(scene.origin), directions, end)
     answer = scene.occluded(origins, directions, t_max=end)
-    near = exhaustive.advanced(scene, origins - np.array(scene.origin), directions)[1] == 0.0
+    near = exhaustive.advanced(scene.store, origins - np.array(scene.origin), directions)[1] == 0.0
     np.testing.assert_array_equal(answer["occluded"][near], expected[near])
     infinite = scene.occluded(origins, directions)["occluded"]
     np.testing.assert_array_equal(
-        infinite, exhaustive.occluded(scene, origins - np.array(scene.origin), directions)
+        infinite, exhaustive.occluded(scene.store, origins - np.array(scene.origin), directions)
     )
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_all_intersections_are_brute_force(tmp_path, planned, name):
-    scene, origins, directions = make(tmp_path, name, 15)
-    ray, t, ids = exhaustive.crossings(scene, origins - np.array(scene.origin), directions)
+    scene, origins, directions = make(tmp_path, name, planned, 15)
+    ray, t, ids = exhaustive.crossings(scene.store, origins - np.array(scene.origin), directions)
     answer = scene.list_intersections(origins, directions)
     np.testing.assert_array_equal(answer["ray_ids"], ray)
     np.testing.assert_array_equal(answer["t_hit"], t)
@@ -102,7 +104,7 @@ def test_all_intersections_are_brute_force(tmp_path, planned, name):
 
 @pytest.mark.parametrize("refine", ["base", "sg"])
 def test_refinements_answer_alike(tmp_path, refine):
-    scene, origins, directions = make(tmp_path, NAMES[0])
+    scene, origins, directions = make(tmp_path, NAMES[0], fast.ROOMY)
     for ask in (scene.cast_rays, scene.list_intersections):
         one, other = ask(origins, directions), ask(origins, directions, refine=refine, threads=1)
         for key, values in one.items():
@@ -210,7 +212,7 @@ def test_rays_from_far_away_lose_no_hit(tmp_path, exponent):
 def test_a_direction_has_any_length(tmp_path, planned, power):
     """t counts in lengths of the direction, bit for bit; where it would be no number there is no
     hit."""
-    scene, origins, directions = make(tmp_path, NAMES[0])
+    scene, origins, directions = make(tmp_path, NAMES[0], planned)
     directions = directions[np.isfinite(origins).all(axis=1)]
     origins = origins[np.isfinite(origins).all(axis=1)]
     directions = directions.astype(np.float32).astype(float)  # few digits: no power of two costs one
@@ -228,12 +230,11 @@ def test_a_direction_has_any_length(tmp_path, planned, power):
         np.testing.assert_array_equal(answer[key][same], expected[key][exact][same])
     assert (answer["primitive_ids"][~same] == -1).all()
     every = scene.list_intersections(origins[exact], scaled[exact])
-    ray, t, ids = exhaustive.crossings(
-        scene, origins[exact] - np.array(scene.origin), scaled[exact]
+    ray, t, ids = exhaustive.crossings(scene.store, origins[exact] - np.array(scene.origin), scaled[exact]
     )
     np.testing.assert_array_equal(every["t_hit"], t)
     np.testing.assert_array_equal(ids_of(every), ids)
-    nearest, ids = exhaustive.nearest(scene, origins[exact] - np.array(scene.origin), scaled[exact])
+    nearest, ids = exhaustive.nearest(scene.store, origins[exact] - np.array(scene.origin), scaled[exact])
     np.testing.assert_array_equal(answer["t_hit"], nearest)
     assert answer.stats.bad_rays == (~directions[exact].any(axis=1)).sum()
 
@@ -266,7 +267,7 @@ def test_a_call_of_one_ray_costs_alike_with_any_budget(tmp_path):
 
 
 def test_files_and_blocks_are_as_good_as_arrays(tmp_path, planned):
-    scene, origins, directions = make(tmp_path, NAMES[0])
+    scene, origins, directions = make(tmp_path, NAMES[0], planned)
     np.save(tmp_path / "o.npy", origins)
     np.save(tmp_path / "d.npy", directions)
     expected = scene.cast_rays(origins, directions)
@@ -456,16 +457,16 @@ def test_groups_answer_together(tmp_path, planned):
         for group in range(3):
             part = slice(20 * group, 20 * (group + 1))
             writer.spheres(centers[part], radii[part], group=group)
-    scene = bfrt.open(tmp_path / "g.bfrt")
+    scene = holding(bfrt.open(tmp_path / "g.bfrt"), planned)
     o, d = rng.normal(size=(200, 3)) * 2, rng.normal(size=(200, 3))
     start = o - np.array(scene.origin)
-    t, ids = exhaustive.nearest(scene, start, d)
+    t, ids = exhaustive.nearest(scene.store, start, d)
     answer = scene.cast_rays(o, d)
     np.testing.assert_array_equal(answer["t_hit"], t)
     np.testing.assert_array_equal(ids_of(answer), ids)
     dark = scene.occluded(o, d)["occluded"]
     np.testing.assert_array_equal(dark, np.isfinite(t))
-    ray, t, ids = exhaustive.crossings(scene, start, d)
+    ray, t, ids = exhaustive.crossings(scene.store, start, d)
     every = scene.list_intersections(o, d)
     np.testing.assert_array_equal(every["t_hit"], t)
     np.testing.assert_array_equal(ids_of(every), ids)
@@ -504,7 +505,7 @@ def test_more_rays_than_memory_holds(tmp_path):
     assert rays == 1_000_000
     o, d = (np.concatenate(part) for part in zip(*blocks(), strict=True))
     some = slice(None, None, 1009)
-    t = exhaustive.nearest(store, o[some] - np.array(store.origin), d[some])[0]
+    t = exhaustive.nearest(store.store, o[some] - np.array(store.origin), d[some])[0]
     np.testing.assert_array_equal(np.load(tmp_path / "out" / "t_hit.npy")[some], t)
 
 

@@ -21,7 +21,7 @@ from bfrt.store.marks import (
     open_marks,
     writing_marks,
 )
-from bfrt.store.writer import SceneWriter
+from bfrt.store.writer import StoreWriter
 from bfrt.streams.reader import Reader, Tape
 
 #: 3 layers of 1 row of 2 bricks.
@@ -30,9 +30,9 @@ LAYOUT = Layout((13, 5, 20), 2)
 
 @pytest.fixture
 def store(tmp_path):
-    writer = SceneWriter(tmp_path / "a.bfrt")
+    writer = StoreWriter(tmp_path / "a.bfrt")
     writer.spheres(np.zeros((2, 3), np.float32), 1.0)
-    return writer.close()
+    return writer.complete()
 
 
 def layers(layout=LAYOUT, seed=1, kept=None):
@@ -118,7 +118,7 @@ def test_coded_bricks_are_read_back(tmp_path_factory, seed, n):
 @given(shape=st.tuples(*[st.integers(1, 40)] * 3), axis=st.integers(0, 2), seed=st.integers(0, 99))
 def test_any_layout(tmp_path_factory, shape, axis, seed):
     folder = tmp_path_factory.mktemp("marks")
-    store = SceneWriter(folder / "a.bfrt").close()
+    store = StoreWriter(folder / "a.bfrt").complete()
     layout = Layout(shape, axis, seed * 0x01020304)
     save(folder / "marks", store, layout, seed)
     both = zip(read(folder / "marks", store, layout), expected(layout, seed), strict=True)
@@ -140,9 +140,9 @@ def test_those_of_another_grid_or_other_boxes_are_not_taken(store, tmp_path, lay
 
 
 def test_those_of_another_store_are_not_taken(store, tmp_path):
-    writer = SceneWriter(tmp_path / "b.bfrt")
+    writer = StoreWriter(tmp_path / "b.bfrt")
     writer.spheres(np.ones((2, 3), np.float32), 1.0)
-    other = writer.close()
+    other = writer.complete()
     save(tmp_path / "marks", store)
     assert open_marks(tmp_path / "marks", other, LAYOUT) is None
 
@@ -239,7 +239,7 @@ def test_a_read_only_store_has_its_marks_in_scratch(store, tmp_path, monkeypatch
 
 
 def test_an_empty_store_has_a_place_for_marks(tmp_path):
-    store = SceneWriter(tmp_path / "empty.bfrt").close()
+    store = StoreWriter(tmp_path / "empty.bfrt").complete()
     path = marks_path(store, store.groups[0], tmp_path)
     save(path, store, Layout((1, 1, 1), 2))
     assert path.parent.parent == store.path

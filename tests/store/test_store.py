@@ -20,7 +20,7 @@ from bfrt.store.header import header_text
 from bfrt.store.marks import Layout, marks_path, writing_marks
 from bfrt.store.model import Camera, Light, Material
 from bfrt.store.store import has_magic, object_id
-from bfrt.store.writer import SceneWriter
+from bfrt.store.writer import StoreWriter
 
 HUGE = [[-1e4, -1e4, 0], [1e4, -1e4, 0], [0, 1e4, 0]]
 
@@ -28,7 +28,7 @@ HUGE = [[-1e4, -1e4, 0], [1e4, -1e4, 0], [0, 1e4, 0]]
 def make(path):
     """A small store that has something of everything, marks and an outlier too."""
     objects = random_objects(np.random.default_rng(1), 20)
-    with SceneWriter(path, dtype="float32") as writer:
+    with StoreWriter(path, dtype="float32") as writer:
         writer.camera(Camera((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
         writer.light(Light((1.0, 2.0, 3.0)))
         numbers = [writer.material(Material(kd=kd / 8)) for kd in range(3)]

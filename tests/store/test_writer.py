@@ -22,9 +22,9 @@ from scenes import random_objects
 import bfrt
 from bfrt.errors import DiskFullError, SceneError, SettingError, StoreError, StreamError
 from bfrt.records import Kind
-from bfrt.scene import writer as writer_module
+from bfrt.store import writer as writer_module
 from bfrt.store.model import Camera, Light, Material
-from bfrt.store.writer import SceneWriter
+from bfrt.store.writer import StoreWriter
 
 UTM = np.array([500_000.0, 5_400_000.0, 300.0])
 SMALL = np.array([[[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]]])
@@ -81,7 +81,7 @@ def folder(tmp_path):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_geometry_is_stored_untouched(folder, dtype):
     tables, counts = scene(dtype=dtype)
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         give(writer, tables, counts)
     store = bfrt.open(folder / "a.bfrt")
     store.verify()
@@ -101,7 +101,7 @@ def test_geometry_is_stored_untouched(folder, dtype):
 @pytest.mark.parametrize("kind", [Kind.TRIANGLE, Kind.PATCH])
 def test_boxes_are_the_tightest_around_the_vertices(folder, dtype, kind):
     tables, _ = scene(n=400, dtype=dtype)
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.append(kind, tables[kind])
     (stream,) = bfrt.open(folder / "a.bfrt").streams
     origin = np.array(bfrt.open(folder / "a.bfrt").origin)
@@ -119,7 +119,7 @@ def test_boxes_are_the_tightest_around_the_vertices(folder, dtype, kind):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_boxes_hold_cones_and_polygons(folder, dtype):
     tables, counts = scene(n=400, dtype=dtype)
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         give(writer, tables, counts)
     store = bfrt.open(folder / "a.bfrt")
     cones, polygons = store.streams[Kind.CONE], store.streams[Kind.POLYGON]
@@ -152,7 +152,7 @@ def test_boxes_hold_cones_and_polygons(folder, dtype):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_bounds_are_those_of_all_objects(folder, dtype):
     tables, counts = scene(n=300, dtype=dtype)
-    with SceneWriter(folder / "a.bfrt", origin=(1.0, 2.0, 3.0)) as writer:
+    with StoreWriter(folder / "a.bfrt", origin=(1.0, 2.0, 3.0)) as writer:
         give(writer, tables, counts)
     store = bfrt.open(folder / "a.bfrt")
     center, radius = np.split(tables[Kind.SPHERE].astype(np.float64), [3], axis=1)
@@ -167,7 +167,7 @@ def test_bounds_are_those_of_all_objects(folder, dtype):
 
 def test_a_5_cm_triangle_at_utm_coordinates(folder):
     corners = UTM + SMALL
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.triangles(corners)
     store = bfrt.open(folder / "a.bfrt")
     np.testing.assert_allclose(store.origin, UTM, atol=0.05)
@@ -179,7 +179,7 @@ def test_a_5_cm_triangle_at_utm_coordinates(folder):
 
 def test_a_5_cm_triangle_survives_as_float32(folder):
     corners = UTM + SMALL
-    with SceneWriter(folder / "a.bfrt", dtype="float32") as writer:
+    with StoreWriter(folder / "a.bfrt", dtype="float32") as writer:
         writer.triangles(corners)
     store = bfrt.open(folder / "a.bfrt")
     (stream,) = store.streams
@@ -193,7 +193,7 @@ def test_a_5_cm_triangle_survives_as_float32(folder):
 @pytest.mark.parametrize("given", [np.float32, np.float64])
 def test_dtype_overrides(folder, dtype, given):
     tables, counts = scene(dtype=given)
-    with SceneWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0)) as writer:
+    with StoreWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0)) as writer:
         give(writer, tables, counts)
     for stream in bfrt.open(folder / "a.bfrt").streams:
         expected = tables[stream.kind].astype(dtype)
@@ -204,7 +204,7 @@ def test_dtype_overrides(folder, dtype, given):
 def test_normals_and_radii_are_not_moved(folder):
     tables, counts = scene(dtype=np.float64)
     origin = np.array([10.0, -20.0, 30.0])
-    with SceneWriter(folder / "a.bfrt", dtype="float32", origin=origin) as writer:
+    with StoreWriter(folder / "a.bfrt", dtype="float32", origin=origin) as writer:
         give(writer, tables, counts)
     moved = {
         Kind.SPHERE: [*origin, 0],
@@ -222,7 +222,7 @@ def test_normals_and_radii_are_not_moved(folder):
 @pytest.mark.parametrize("size", [4, 8])
 def test_numbers_in_any_byte_order(folder, order, size):
     centers = np.arange(12).reshape(4, 3).astype(f"{order}f{size}")
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.spheres(centers, 1)
     (stream,) = bfrt.open(folder / "a.bfrt").streams
     records = np.fromfile(stream.path("geometry"), f"<f{size}").reshape(-1, 4)
@@ -234,7 +234,7 @@ def test_polygons_of_three_are_triangles(folder):
     rng = np.random.default_rng(2)
     counts = np.array([3, 5, 3, 3, 4])
     vertices = rng.random((counts.sum(), 3)).astype(np.float32)
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         numbers = [writer.material(Material(kd=kd / 8)) for kd in range(5)]
         writer.polygons(vertices, counts, numbers)
     triangles, polygons = bfrt.open(folder / "a.bfrt").streams
@@ -258,7 +258,7 @@ def test_any_number_of_calls_gives_the_same_bytes(tmp_path_factory, cuts, seed, 
     rng = np.random.default_rng(seed)
     chosen = {k: rng.integers(0, 300, len(counts if k == 4 else tables[k])) for k in Kind}
     for name, parts in (("one", [0, 1]), ("many", sorted([0, 1, *cuts]))):
-        with SceneWriter(folder / name, origin=(1.0, 2.0, 3.0)) as writer:
+        with StoreWriter(folder / name, origin=(1.0, 2.0, 3.0)) as writer:
             for number in range(300):
                 writer.material(Material(kd=number / 512))
             pairs = list(itertools.product(itertools.pairwise(parts), Kind))
@@ -279,9 +279,9 @@ def test_any_number_of_calls_gives_the_same_bytes(tmp_path_factory, cuts, seed, 
 def test_one_row_at_a_time(folder):
     tables, _ = scene(n=100)
     rows = tables[Kind.SPHERE]
-    with SceneWriter(folder / "one.bfrt") as writer:
+    with StoreWriter(folder / "one.bfrt") as writer:
         writer.spheres(rows[:, :3], rows[:, 3])
-    with SceneWriter(folder / "rows.bfrt") as writer:
+    with StoreWriter(folder / "rows.bfrt") as writer:
         for row in rows:
             writer.spheres(row[None, :3], row[3])
     assert contents(folder / "one.bfrt") == contents(folder / "rows.bfrt")
@@ -291,7 +291,7 @@ def test_blocks_are_cut_without_a_trace(folder, monkeypatch):
     tables, counts = scene(n=100)
     for name, block in (("whole.bfrt", 65536), ("cut.bfrt", 7)):
         monkeypatch.setattr(writer_module, "BLOCK", block)
-        with SceneWriter(folder / name) as writer:
+        with StoreWriter(folder / name) as writer:
             numbers = [writer.material(Material(kd=kd / 512)) for kd in range(300)]
             give(writer, tables, counts, numbers[0])
             writer.triangles(np.eye(3, dtype=np.float32)[None], numbers[299])
@@ -299,7 +299,7 @@ def test_blocks_are_cut_without_a_trace(folder, monkeypatch):
 
 
 def test_empty_calls_add_nothing(folder):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         give(writer, *scene(n=0))
         writer.spheres(np.empty((0, 3)), np.empty(0))
     store = bfrt.open(folder / "a.bfrt")
@@ -311,12 +311,12 @@ def test_empty_calls_add_nothing(folder):
 
 def test_the_view_and_the_lights(folder):
     lights = [Light((1.0, 2.0, 3.0)), Light((4, 5, 6), (0.5, 0.25, 1))]
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.camera(CAMERA)
         writer.background((0.25, 0.5, 1))
         for light in lights:
             writer.light(light)
-        assert writer.close() is not None
+        assert writer.complete() is not None
     store = bfrt.open(folder / "a.bfrt")
     assert store.camera == CAMERA
     assert store.lights == lights
@@ -325,7 +325,7 @@ def test_the_view_and_the_lights(folder):
 
 def test_numpy_numbers_in_the_view_and_the_lights(folder):
     three = np.arange(3, dtype=np.float32)
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.camera(
             Camera(three + 1, three, (0, 0, 1), np.float32(30), np.int64(1), np.array([4, 3]))
         )
@@ -337,7 +337,7 @@ def test_numpy_numbers_in_the_view_and_the_lights(folder):
 
 
 def test_bad_lights_are_refused_when_they_are_given(folder):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         for light in (Light((np.nan, 0, 0)), Light((0, 0)), Light((0, 0, 0), ("a", "b", "c"))):
             with pytest.raises(SceneError, match="light"):
                 writer.light(light)
@@ -365,7 +365,7 @@ def test_bad_lights_are_refused_when_they_are_given(folder):
     ],
 )
 def test_materials_take_the_smallest_integers(folder, blocks, width):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer._materials = 1 << 20  # as if they had been added
         for block in blocks:
             writer.spheres(np.zeros((len(block), 3), np.float32), 1.0, block)
@@ -382,7 +382,7 @@ def test_materials_take_the_smallest_integers(folder, blocks, width):
 
 def test_many_materials_of_a_block_before_the_first_difference(folder, monkeypatch):
     monkeypatch.setattr(writer_module, "BLOCK", 10)
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         for kd in range(3):
             writer.material(Material(kd=kd))
         writer.spheres(np.zeros((25, 3), np.float32), 1.0, 2)
@@ -393,7 +393,7 @@ def test_many_materials_of_a_block_before_the_first_difference(folder, monkeypat
 
 def test_a_material_is_stored_once(folder):
     red, blue = Material((1, 0, 0), ks=0.5), Material((0, 0, 1))
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         assert [writer.material(m) for m in (red, blue, red, blue)] == [0, 1, 0, 1]
     palette = bfrt.open(folder / "a.bfrt").materials()
     assert palette["red"].tolist() == [1, 0]
@@ -402,7 +402,7 @@ def test_a_material_is_stored_once(folder):
 
 @pytest.mark.parametrize("bad", [Material(kd=-1), Material(ks=np.nan), Material(shine=1e300)])
 def test_a_bad_material_is_refused(folder, bad):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         with pytest.raises(SceneError, match="material: found"):
             writer.material(bad)
         assert writer.material(Material()) == 0
@@ -410,7 +410,7 @@ def test_a_bad_material_is_refused(folder, bad):
 
 @pytest.mark.parametrize("bad", [[0, 1, 2], -1, [0, -7], 2, [0.0, 1.0], [[0, 1]], True])
 def test_a_bad_material_index_is_refused(folder, bad):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.material(Material())
         writer.material(Material(kd=0.5))
         with pytest.raises(SceneError, match="materials: found") as caught:
@@ -427,7 +427,7 @@ def test_a_bad_material_index_is_refused(folder, bad):
 def test_degenerate_objects_are_counted_and_reported_once(folder, caplog):
     flat = np.zeros((2, 3, 3), np.float32)
     flat[1] = [[0, 0, 0], [1, 1, 1], [2, 2, 2]]
-    with caplog.at_level(logging.WARNING), SceneWriter(folder / "a.bfrt") as writer:
+    with caplog.at_level(logging.WARNING), StoreWriter(folder / "a.bfrt") as writer:
         writer.triangles(flat)
         writer.triangles(np.eye(3, dtype=np.float32)[None])
         writer.spheres(np.zeros((2, 3), np.float32), [0.0, 1.0])
@@ -456,13 +456,13 @@ def test_what_is_not_finite_is_named(folder, dtype, bad, kind):
         broken[7, column] = bad
         with (
             pytest.raises(SceneError, match=rf"^{kind.label} {len(records) + 7}: found a number"),
-            SceneWriter(folder / "a.bfrt") as writer,
+            StoreWriter(folder / "a.bfrt") as writer,
         ):
             writer.append(kind, records)
             writer.append(kind, broken)
     with (
         pytest.raises(SceneError, match=rf"^{kind.label} 0: found a number that is NaN"),
-        SceneWriter(folder / "a.bfrt") as writer,
+        StoreWriter(folder / "a.bfrt") as writer,
     ):
         writer.append(kind, np.full_like(records[:1], bad))  # the first block decides the origin
     assert not (folder / "a.bfrt").exists()
@@ -475,7 +475,7 @@ def test_a_vertex_that_is_not_finite_is_named(folder, dtype):
     vertices[counts[:3].sum(), 1] = np.nan
     with (
         pytest.raises(SceneError, match=r"^polygon 3: found a number that is NaN"),
-        SceneWriter(folder / "a.bfrt") as writer,
+        StoreWriter(folder / "a.bfrt") as writer,
     ):
         writer.polygons(vertices, counts)
 
@@ -486,7 +486,7 @@ def test_what_float32_boxes_cannot_hold_is_named(folder, far, dtype):
     with (
         np.errstate(all="raise"),
         pytest.raises(SceneError, match=r"^triangle 1: .* too large for float32 boxes"),
-        SceneWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0)) as writer,
+        StoreWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0)) as writer,
     ):
         writer.triangles(np.array([np.eye(3), far * np.eye(3)]))
 
@@ -521,7 +521,7 @@ N33 = np.zeros((4, 3, 3), np.float32)
     ],
 )
 def test_wrong_shapes_are_refused_and_the_writer_goes_on(folder, method, arguments, message):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         with pytest.raises(SceneError, match=message):
             getattr(writer, method)(*arguments)
         writer.spheres(N3, 1)
@@ -531,14 +531,14 @@ def test_wrong_shapes_are_refused_and_the_writer_goes_on(folder, method, argumen
 def test_a_wide_block_after_a_narrow_one_is_refused(folder):
     with (
         pytest.raises(SceneError, match="sphere: found a block of float64, expected float32"),
-        SceneWriter(folder / "a.bfrt") as writer,
+        StoreWriter(folder / "a.bfrt") as writer,
     ):
         writer.spheres(N3, 1)
         writer.spheres(N3.astype(np.float64), 1)
 
 
 def test_more_vertices_than_offsets_can_count(folder):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.polygons(N3, [4])
         writer._groups[0].streams[Kind.POLYGON].vertices = (1 << 32) - 4
         with pytest.raises(SceneError, match=r"polygon 1: found more than 2\^32 vertices"):
@@ -549,13 +549,13 @@ def test_more_vertices_than_offsets_can_count(folder):
 @pytest.mark.parametrize("dtype", [np.float16, "int32", "complex64"])
 def test_a_dtype_that_is_not_stored(folder, dtype):
     with pytest.raises(SettingError, match="expected float32, float64 or None"):
-        SceneWriter(folder / "a.bfrt", dtype=dtype)
+        StoreWriter(folder / "a.bfrt", dtype=dtype)
 
 
 @pytest.mark.parametrize("origin", [(1, 2), (1, 2, np.nan), "abc"])
 def test_a_bad_origin(folder, origin):
     with pytest.raises(SceneError, match="origin: found"):
-        SceneWriter(folder / "a.bfrt", origin=origin)
+        StoreWriter(folder / "a.bfrt", origin=origin)
 
 
 # --- whole or not at all -------------------------------------------------------------------------
@@ -563,7 +563,7 @@ def test_a_bad_origin(folder, origin):
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
 def test_an_exception_leaves_nothing(folder, error):
-    with pytest.raises(error), SceneWriter(folder / "a.bfrt") as writer:
+    with pytest.raises(error), StoreWriter(folder / "a.bfrt") as writer:
         give(writer, *scene())
         raise error
     assert list(folder.iterdir()) == []
@@ -572,15 +572,15 @@ def test_an_exception_leaves_nothing(folder, error):
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_an_existing_store_is_replaced_only_on_success(folder, error):
     path = folder / "a.bfrt"
-    with SceneWriter(path) as writer:
+    with StoreWriter(path) as writer:
         writer.spheres(N3, 1)
     old = contents(path)
     (path / "0" / "marks").write_bytes(b"old marks go with their store")
-    with pytest.raises(error), SceneWriter(path) as writer:
+    with pytest.raises(error), StoreWriter(path) as writer:
         give(writer, *scene())
         raise error
     assert contents(path) == {**old, "0/marks": b"old marks go with their store"}
-    with SceneWriter(path) as writer:
+    with StoreWriter(path) as writer:
         writer.spheres(N3, 2)
     assert set(contents(path)) == set(old)
     assert contents(path) != old
@@ -591,7 +591,7 @@ def test_a_store_of_another_version_may_be_replaced(folder):
     path = folder / "a.bfrt"
     path.mkdir()
     (path / "scene.json").write_text('{"magic": "bfrt scene store", "version": 0}')
-    SceneWriter(path).close()
+    StoreWriter(path).complete()
     assert bfrt.open(path).objects == 0
 
 
@@ -608,7 +608,7 @@ def test_what_is_no_store_is_never_replaced(folder, there):
             (path / "work").write_text("mine")
     before = contents(path)
     with pytest.raises(SettingError, match=r"a\.bfrt: exists and is no scene store"):
-        SceneWriter(path)
+        StoreWriter(path)
     assert contents(path) == before
     assert path.exists()
     assert [p.name for p in folder.iterdir()] == ["a.bfrt"]
@@ -622,7 +622,7 @@ def test_a_link_stays_a_link(tmp_path):
     except OSError:
         pytest.skip("no symbolic links here")
     for radius in (1, 2):
-        with SceneWriter(link) as writer:
+        with StoreWriter(link) as writer:
             writer.spheres(N3, radius)
     assert link.is_symlink()
     assert [p.name for p in (tmp_path / "there").iterdir()] == ["b.bfrt"]
@@ -631,24 +631,24 @@ def test_a_link_stays_a_link(tmp_path):
 
 
 def test_two_writers_of_one_store_do_not_meet(folder):
-    one, two = SceneWriter(folder / "a.bfrt"), SceneWriter(folder / "a.bfrt")
+    one, two = StoreWriter(folder / "a.bfrt"), StoreWriter(folder / "a.bfrt")
     one.spheres(N3, 1)
     two.spheres(N3[:2], 1)
-    assert one.close().objects == 4
-    assert two.close().objects == 2
+    assert one.complete().objects == 4
+    assert two.complete().objects == 2
     bfrt.open(folder / "a.bfrt").verify()
 
 
 def test_a_long_name(folder):
     path = folder / ("é" * 120 + ".bfrt")
-    SceneWriter(path).close()
+    StoreWriter(path).complete()
     assert [p.name for p in folder.iterdir()] == [path.name]
 
 
 def test_a_closed_writer_takes_no_more(folder):
-    with SceneWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt") as writer:
         writer.spheres(N3, 1)
-        writer.close()  # and leaving the block is fine
+        writer.complete()  # and leaving the block is fine
     for call in (
         writer.close,
         lambda: writer.spheres(N3, 1),
@@ -662,7 +662,7 @@ def test_a_closed_writer_takes_no_more(folder):
 
 def test_half_a_block_is_never_kept(folder, monkeypatch):
     """An interrupt in a block that the caller catches: the store is given up, not continued."""
-    writer = SceneWriter(folder / "a.bfrt")
+    writer = StoreWriter(folder / "a.bfrt")
     writer.triangles(N33)
     real = writer_module.FileWriter.write
 
@@ -695,7 +695,7 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
     path = folder / "a.bfrt"
     real = getattr(owner, name)
     for refused in itertools.count(1):
-        with SceneWriter(path) as writer:
+        with StoreWriter(path) as writer:
             writer.spheres(N3, 1)
         old, calls = contents(path), itertools.count(1)
 
@@ -709,7 +709,7 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
         with monkeypatch.context() as patch:
             patch.setattr(owner, name, refuse)
             try:
-                with SceneWriter(path) as writer:
+                with StoreWriter(path) as writer:
                     writer.material(Material())
                     give(writer, *scene(), 0)
                     writer.triangles(N33, writer.material(Material(kd=0.5)))
@@ -743,7 +743,7 @@ def open_files():
 def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
     path = folder / "a.bfrt"
     if replaces:
-        SceneWriter(path).close()
+        StoreWriter(path).complete()
     old = contents(path)
     real = Path.rename
 
@@ -754,24 +754,24 @@ def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
             raise KeyboardInterrupt
         return result
 
-    writer = SceneWriter(path)
+    writer = StoreWriter(path)
     writer.spheres(N3, 1)
     monkeypatch.setattr(Path, "rename", interrupted)
     if when == "old away" and not replaces:
-        writer.close()
+        writer.complete()
         assert bfrt.open(path).objects == 4
         return
     with pytest.raises(KeyboardInterrupt):
-        writer.close()
+        writer.complete()
     assert contents(path) == old
     assert path.exists() == replaces
 
 
 def test_what_the_disk_lost_replaces_nothing(folder, monkeypatch):
     path = folder / "a.bfrt"
-    SceneWriter(path).close()
+    StoreWriter(path).complete()
     old = contents(path)
-    writer = SceneWriter(path)
+    writer = StoreWriter(path)
     writer.spheres(np.zeros((100_000, 3), np.float32), 1)
     real = writer_module.FileWriter.close
 
@@ -782,7 +782,7 @@ def test_what_the_disk_lost_replaces_nothing(folder, monkeypatch):
 
     monkeypatch.setattr(writer_module.FileWriter, "close", lost)
     with pytest.raises(StoreError, match="truncated"):
-        writer.close()
+        writer.complete()
     assert contents(path) == old
 
 
@@ -792,7 +792,7 @@ def test_a_full_disk(folder):
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
-        with pytest.raises(StreamError) as caught, SceneWriter(folder / "a.bfrt") as writer:
+        with pytest.raises(StreamError) as caught, StoreWriter(folder / "a.bfrt") as writer:
             resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, old[1]))
             writer.spheres(np.zeros((100_000, 3), np.float32), 1)
     finally:
@@ -838,6 +838,6 @@ def test_a_killed_writer_leaves_nothing_that_opens(tmp_path, after):
         else:
             with pytest.raises(StoreError, match="not a scene store"):
                 bfrt.open(left)
-    with SceneWriter(path) as writer:  # and nothing is in the way of another try
+    with StoreWriter(path) as writer:  # and nothing is in the way of another try
         writer.spheres(N3, 1)
     assert bfrt.open(path).objects == 4
