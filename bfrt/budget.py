@@ -15,14 +15,14 @@ from bfrt.image.frame import FrameSize, held_frame
 from bfrt.memory import BASELINE, format_memory
 from bfrt.phases.delays import DELAYS_BYTES
 from bfrt.phases.partition import LOWER_BITS, Limits, Partition, partition_of
-from bfrt.phases.selection import Selections
+from bfrt.phases.selection import Selection
 from bfrt.phases.shading import SHADED_HIT_BYTES, Shading
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.traversal import CANDIDATES_A_RAY, FEWEST_RAYS, FLYING_BYTES
 from bfrt.phases.voxel_rays import BLOCK_BYTES, UPPER_BYTES, VoxelRays
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
 from bfrt.store.marks import MARKS_BUFFER
-from bfrt.store.objects import READ_BUFFER, Objects
+from bfrt.scan.scans import READ_BUFFER, GroupScans
 from bfrt.store.store import Store
 from bfrt.settings import Settings
 
@@ -96,8 +96,8 @@ def fixed_bytes(store: Store, threads: int) -> int:
     """Return what a render takes whatever the budget is, without frame, rays and grid."""
     return (
         BASELINE
-        + Objects.bytes(store.streams, threads)
-        + Selections.bytes(store, threads)
+        + GroupScans.bytes(store.streams, threads)
+        + Selection.bytes(store, threads)
         + Shading.bytes(store, threads)
         + threads * (DELAYS_BYTES + MARKS_BUFFER)
     )

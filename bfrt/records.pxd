@@ -25,6 +25,8 @@ cdef enum:
     RAY_BITS = 21
     FACE_BITS = 3
     INDEX_BITS = 48
+    KIND_BITS = 4
+    STREAM_BITS = 16
 
 cdef enum:
     BOX_BYTES = 24

@@ -141,8 +141,11 @@ VOXEL_BITS = 30
 RAY_BITS = 21
 FACE_BITS = 3
 
-#: An id is stream << 48 | index, a stream is group * 5 + kind.
+#: Of an id (bfrt/ids.py): those of an object's place in its stream; of a stream's number: of its
+#: kind.
 INDEX_BITS = 48
+KIND_BITS = 4
+STREAM_BITS = 64 - INDEX_BITS
 NO_HIT = (1 << 64) - 1
 
 for _dtype, _bytes in (

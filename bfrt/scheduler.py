@@ -112,7 +112,7 @@ class Render:
             stats=stats,
         )
         eye = view_vectors(view.camera, store.origin)[0]
-        self._shading = Shading(store, view.lights, film, eye, plan.hits, plan.threads)
+        self._shading = Shading(store, view.lights, film, eye, plan.hits, tracer.workers)
 
     def run(self, take: Take) -> None:
         """Trace all bands, and give each away when it is complete."""
@@ -145,7 +145,7 @@ class Render:
                 state.following.clear()
                 last = state.depth >= self._view.depth
                 self._shading.shade(
-                    self._tracer.objects, state.hits, state.following, last, counters
+                    self._tracer.scans, state.hits, state.following, last, counters
                 )
             for spool in (state.hits, state.waiting, state.following):
                 counters.phases.shading.spooled(spool)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bfrt.store.objects import Objects
+    from bfrt.scan.scans import GroupScans
     from bfrt.streams.spool import Spool
 
 
@@ -38,9 +38,9 @@ class Phase:
         finally:
             self.seconds += time.perf_counter() - start
 
-    def swept(self, objects: Objects) -> None:
+    def swept(self, scans: GroupScans) -> None:
         """Take over what sweeps have read."""
-        read, seeks = objects.counts()
+        read, seeks = scans.counts()
         self.bytes_read += read
         self.seeks += seeks
 
@@ -87,11 +87,11 @@ class Counters:
     voxel_steps: int = 0
     seconds: float = 0.0
 
-    def sweep(self, boxes: int, objects: Objects, begins: bool = True) -> None:
+    def sweep(self, boxes: int, scans: GroupScans, begins: bool = True) -> None:
         """Count one pass, or more of one, with so many boxes read, and what geometry was."""
         self.passes += begins
         self.boxes_read += boxes
-        self.geometry_read += objects.geometry_read()
+        self.geometry_read += scans.geometry_read()
 
     def add(self, other: Any, to: Any = None) -> None:
         """Add another's counts to these, nested ones too."""

@@ -25,8 +25,8 @@ from bfrt.phases.crossings import Crossings
 from bfrt.phases.field import Field
 from bfrt.phases.traversal import Ends, Flight, Queue, Sink
 from bfrt.records import HIT
-from bfrt.store.objects import Objects
-from bfrt.store.store import Store
+from bfrt.scan.scans import GroupScans
+from bfrt.store.store import Group, Store
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
 from bfrt.streams.spool import Spool
@@ -86,12 +86,12 @@ class Tracer:
         self._entered: Field | None = None
         self._background = np.array(store.background, np.float64)
         try:
-            self.fields = [
-                Field(store, group, self.workers, capacities, settings) for group in store.groups
-            ]
+            self.fields = [self._field(group) for group in store.groups]
             with self.prepared.phases.preprocess.timed():
                 for field in self.fields:
-                    field.preprocess(settings.fresh_marks, self.prepared)
+                    field.preprocess(
+                        capacities.subspace, self.prepared, fresh=settings.fresh_marks
+                    )
             self._flight = Flight(capacities.rays, capacities.candidates, self.workers)
             room = capacities.hits if len(self.fields) > 1 else 0
             self._between = [Spool(HIT, room, self.scratch) for _ in range(2)]
@@ -100,10 +100,15 @@ class Tracer:
             self.workers.close()
             raise
 
+    def _field(self, group: Group) -> Field:
+        plan, lazy = self.capacities, self.settings.refinement.lazy
+        scans = GroupScans(self.store, group, plan.threads, plan.read_buffer, lazy)
+        return Field(self.store, group, self.settings, plan.limits, scans, self.workers)
+
     @property
-    def objects(self) -> list[Objects]:
+    def scans(self) -> list[GroupScans]:
         """The objects of each group."""
-        return [field.objects for field in self.fields]
+        return [field.scans for field in self.fields]
 
     @property
     def bad(self) -> int:
@@ -153,7 +158,7 @@ class Tracer:
     def _enter(self, field: Field) -> None:
         if self._entered is not field:
             self._leave()
-            self._flight.enter(field.open())
+            self._flight.enter(field.open(self.capacities.blocks, self.capacities.subspace))
             self._entered = field
 
     def _leave(self) -> None:

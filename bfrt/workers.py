@@ -8,7 +8,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 Given = TypeVar("Given")
 Made = TypeVar("Made")
@@ -16,8 +16,28 @@ Made = TypeVar("Made")
 #: Called with the worker's number and a chunk [first, last).
 Task = Callable[[int, int, int], None]
 
-#: Called with the worker's number; returns whether there may be more to do.
-Step = Callable[[int], bool]
+Chunk = TypeVar("Chunk", covariant=True)
+
+
+class Source(Protocol[Chunk]):
+    """Hands out work.
+
+    Attributes
+    ----------
+    short : bool
+        Whether one worker is enough for all of it.
+    """
+
+    @property
+    def short(self) -> bool: ...
+
+    def next(self, worker: int, /) -> Chunk | None:
+        """Give a worker its next chunk, or None when there are no more."""
+        ...
+
+
+#: Called with the worker's number, and what tells it to stop.
+Loop = Callable[[int, threading.Event], None]
 
 #: Chunks a worker gets of a count, at least: what evens out their unequal work.
 CHUNKS_EACH = 8
@@ -49,37 +69,53 @@ class Workers:
         chunk = chunk_of(count, self.threads, smallest, largest)
         starts = itertools.count(0, chunk)
 
-        def step(worker: int) -> bool:
-            first = next(starts)
-            if first < count:
+        def count_down(worker: int, stop: threading.Event) -> None:
+            while not stop.is_set() and (first := next(starts)) < count:
                 task(worker, first, min(count, first + chunk))
-            return first < count
 
-        self.repeat(step, alone=count <= chunk)
+        self._each(count_down, alone=count <= chunk)
 
-    def repeat(self, step: Step, *, alone: bool = False) -> None:
-        """Have all workers, or one, call `step` again and again until it returns False.
+    def drain(self, source: Source[Made], work: Callable[[int, Made], object]) -> None:
+        """Call `work` for every chunk of a source, with the number of the worker that has it.
 
         Raises
         ------
         BaseException
-            The first that a step raised, an interrupt too; no new one is begun after it.
+            The first that came up, an interrupt too; no new chunk is begun after it.
         """
+
+        def empty(worker: int, stop: threading.Event) -> None:
+            while not stop.is_set() and (chunk := source.next(worker)) is not None:
+                work(worker, chunk)
+
+        self._each(empty, alone=source.short)
+
+    def each(self, work: Callable[[int], object]) -> None:
+        """Call `work` once by each worker.
+
+        Raises
+        ------
+        BaseException
+            The first that came up, an interrupt too.
+        """
+        self._each(lambda worker, _: work(worker), alone=False)
+
+    def _each(self, loop: Loop, *, alone: bool) -> None:
+        """Have all workers, or one, run a loop that ends when it is told to stop."""
         stop = threading.Event()
         failures: list[BaseException] = []
 
-        def work(worker: int) -> None:
+        def run(worker: int) -> None:
             try:
-                while not stop.is_set() and step(worker):
-                    pass
+                loop(worker, stop)
             except BaseException as error:
                 failures.append(error)
                 stop.set()
 
         if self._pool is None or alone:
-            work(0)
+            run(0)
         else:
-            futures = [self._pool.submit(work, worker) for worker in range(self.threads)]
+            futures = [self._pool.submit(run, worker) for worker in range(self.threads)]
             try:
                 wait(futures)
             finally:  # an interrupt finds the workers at work

@@ -6,6 +6,7 @@ own, and its box is tested against those in lanes. Rays that meet a box are test
 object at once where its geometry is at hand; otherwise they wait for it (delays.pxd).
 """
 
+cimport cython
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.bits cimport lowest_bit, ones
@@ -27,9 +28,9 @@ from bfrt.phases.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer, ray_line
 from bfrt.phases.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, POLYGON, Crossing, Delayed, Ray
-from bfrt.store.sweep cimport (
-    Sweep, advance_block, advance_to, block_union, decode, fetch, records_of, want_records,
-)
+from bfrt.scan.boxes cimport BoxCursor, block_union, decode, go_to
+from bfrt.scan.geometry cimport GeometryCursor, records_of, seek_records, vertices_in
+from bfrt.scan.scan cimport StreamScan, next_block, record_in_block
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -56,9 +57,9 @@ cdef struct Search:
     const Grid* grid
     Sides sides
     Ray* rays
-    void* sweep            # a Sweep
+    void* scan             # a StreamScan
     void* delays           # Delays, or NULL where geometry is at hand
-    GrownEight grown       # the boxes of the sweep's block
+    GrownEight grown       # the boxes of the scan's block
     Voxels voxels          # theirs
     Near near
     uint64_t id
@@ -108,28 +109,29 @@ cdef int meet_shape(Search* s, const Shape* shape, uint64_t id) except -1 nogil:
     return 0
 
 
-cdef int meet_pending(Search* s, Sweep w) except -1 nogil:
+cdef int meet_pending(Search* s, StreamScan w) except -1 nogil:
     """Intersect the object with the rays that met its box."""
-    cdef const unsigned char* record
     if not s.loaded:
         s.loaded = True
-        record = fetch(w, s.place)
-        shape_load(w.kind, record, w.count, &w.frame, &s.shape)
+        shape_load(
+            w.kind, record_in_block(w, s.place), vertices_in(w.geometry, s.place), &w.geometry.frame, &s.shape
+        )
     return meet_shape(s, &s.shape, s.id)
 
 
-cdef int load(Search* s, Sweep w, Delays d, const Delayed* waits, int64_t n) except -1 nogil:
+cdef int load(Search* s, GeometryCursor g, Delays d, const Delayed* waits,
+              int64_t n) except -1 nogil:
     """Fetch the geometry that the first of n delayed rays waits for, and the box around it: that
-    of the sweep may be quantised."""
+    of the scan may be quantised."""
     cdef int64_t first = waits[0].first
     cdef Box box
     if first >= d.known:
-        d.known = piece_end(waits, n, w.geometry.gap // w.stride)
-        want_records(w, first, d.known)
-    w.geometry_read += 1
+        d.known = piece_end(waits, n, g.reader.gap // g.stride)
+        seek_records(g, first, d.known)
+    g.objects_read += 1
     d.loaded = waits[0].id
     d.degenerate = not shape_load(
-        w.kind, records_of(w, first, waits[0].count), waits[0].count, &w.frame, &d.shape
+        g.kind, records_of(g, first, waits[0].count), waits[0].count, &g.frame, &d.shape
     )
     if not d.degenerate:
         shape_bounds(&d.shape, &box)
@@ -147,14 +149,14 @@ cdef inline void meet_own_box(Search* s, Delays d, uint32_t ray) noexcept nogil:
         s.pending += m.span.near <= atomic_load(&r.t)
 
 
-cdef int settle_half(Search* s, Sweep w, Delays d, int half) except -1 nogil:
+cdef int settle_half(Search* s, GeometryCursor g, Delays d, int half) except -1 nogil:
     """Find the hits of the rays that wait in a half. An object may be the last of the other, too.
     """
     cdef const Delayed* waits = &d.halves[half, 0]
     cdef int64_t i = 0, n = d.count[half]
     while i < n:
         if waits[i].id != d.loaded:
-            load(s, w, d, &waits[i], n - i)
+            load(s, g, d, &waits[i], n - i)
         while i < n and waits[i].id == d.loaded and s.pending < LANES:
             fetch_ray(s, waits[min(i + SOON, n - 1)].ray)
             meet_own_box(s, d, waits[i].ray)
@@ -164,22 +166,22 @@ cdef int settle_half(Search* s, Sweep w, Delays d, int half) except -1 nogil:
     return 0
 
 
-cdef int put_off(Search* s, Sweep w, Delays d, uint32_t ray) except -1 nogil:
+cdef int put_off(Search* s, StreamScan w, Delays d, uint32_t ray) except -1 nogil:
     """Have a ray that met the box wait for the object's geometry."""
-    cdef int64_t first = w.first + s.place
+    cdef int64_t first = w.boxes.first + s.place
     cdef uint32_t count = 1
     if full(d):
-        ask_piece(d, w.geometry)
-        settle_half(s, w, d, 1 - d.half)
+        ask_piece(d, w.geometry.reader)
+        settle_half(s, w.geometry, d, 1 - d.half)
         turn(d)
     if w.kind == POLYGON:
-        first = w.ends[s.place]
-        count = w.ends[s.place + 1] - w.ends[s.place]
-    delay(d, w.geometry, w.stride, s.id, first, count, ray)
+        first = w.boxes.ends[s.place]
+        count = w.boxes.ends[s.place + 1] - w.boxes.ends[s.place]
+    delay(d, w.geometry.reader, w.geometry.stride, s.id, first, count, ray)
     return 0
 
 
-cdef inline int wait_for(Search* s, Sweep w, uint32_t ray, Vec inv, double near,
+cdef inline int wait_for(Search* s, StreamScan w, uint32_t ray, Vec inv, double near,
                          double far) except -1 nogil:
     """Have a ray that met the box wait for the object."""
     cdef const Ray* r = &s.rays[ray]
@@ -198,7 +200,7 @@ cdef inline int wait_for(Search* s, Sweep w, uint32_t ray, Vec inv, double near,
     return 0
 
 
-cdef int meet_box(Search* s, Sweep w) except -1 nogil:
+cdef int meet_box(Search* s, StreamScan w) except -1 nogil:
     """Test the gathered rays against the box; those that meet it are pending."""
     cdef Lanes* l = &s.lanes
     cdef const Ray* r
@@ -235,7 +237,7 @@ cdef int keep_entering(void* context) except -1 nogil:
     cdef Near* near = &s.near
     cdef int j
     if s.gathered + near.n > LANES:
-        meet_box(s, <Sweep>s.sweep)
+        meet_box(s, <StreamScan>s.scan)
     for j in range(near.n):
         if entered_by(&s.region, near.at[j][0], near.at[j][1], near.at[j][2]) >> near.face[j] & 1:
             fetch_ray(s, near.ray[j])
@@ -245,19 +247,19 @@ cdef int keep_entering(void* context) except -1 nogil:
     return 0
 
 
-cdef inline void turn_to(Search* s, Sweep w, int place) noexcept nogil:
+cdef inline void turn_to(Search* s, StreamScan w, int place) noexcept nogil:
     """Go on to another object of the block."""
     s.place = place
-    s.id = (<uint64_t>w.number << INDEX_BITS) + <uint64_t>(w.first + place)
+    s.id = (<uint64_t>w.number << INDEX_BITS) + <uint64_t>(w.boxes.first + place)
     s.loaded = False
 
 
-cdef int meet_many(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
+cdef int meet_many(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block, each against the rays in its voxels."""
     cdef int i
     s.near.spill = keep_entering
     for i in range(n):
-        if not eight_empty(&w.eight, i):
+        if not eight_empty(&w.boxes.eight, i):
             turn_to(s, w, i)
             grown_at(&s.grown, i, &s.box)
             s.region = range_at(&s.voxels, i)
@@ -304,7 +306,7 @@ cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
             f.count[i] += 1
 
 
-cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
+cdef int meet_few(Search* s, StreamScan w, int n) except -1 nogil:
     """The n objects of a block, all against the few rays that are near any of them."""
     cdef Few few
     cdef Vec inv
@@ -327,11 +329,11 @@ cdef int meet_few(Search* s, Sweep w, int n) except -1 nogil:
     return 0
 
 
-cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
+cdef int meet_block(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
     """The n objects of a block against the rays in their voxels: half of the blocks have none."""
     cdef Box all
     cdef Range around
-    block_union(w, n, &all)
+    block_union(w.boxes, n, &all)
     if box_empty(&all):
         return 0
     around = rough_range(s.grid, &all)
@@ -339,103 +341,112 @@ cdef int meet_block(Search* s, Sweep w, VoxelRays v, int n) except -1 nogil:
     entries_within(&around, v, &s.near)
     if s.near.n == 0:
         return 0
-    decode(w, n)
-    eight_grow(&w.eight, s.grid.grow, &s.grown)
-    eight_voxels(s.grid, &s.sides, &w.eight, &s.voxels)
+    decode(w.boxes, n)
+    eight_grow(&w.boxes.eight, s.grid.grow, &s.grown)
+    eight_voxels(s.grid, &s.sides, &w.boxes.eight, &s.voxels)
     if s.near.more:
         return meet_many(s, w, v, n)
     return meet_few(s, w, n)
 
 
-cdef void begin(Search* s, Sweep sweep, Delays delays, Lattice lattice, Ray[::1] rays) noexcept:
-    s.grid = &lattice.grid
-    sides_of(s.grid, &s.sides)
-    s.rays = &rays[0]
-    s.sweep = <void*>sweep
-    s.delays = <void*>delays if sweep.delays else NULL
-    s.found = NULL
-    s.near.context = s
-    s.gathered = s.pending = 0
-    s.box_tests = s.object_tests = 0
-
-
-cdef void keep_all(Search* s, Found* found, Crossing[::1] crossings, emit) noexcept:
-    """Have all hits kept, where they are wanted."""
-    if crossings is not None:
-        found.crossings, found.n, found.room = &crossings[0], 0, crossings.shape[0]
-        found.emit = <void*>emit
-        s.found = found
-
-
-def intersect(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
-              Delays delays, Lattice lattice, VoxelRays voxel_rays, Ray[::1] rays,
-              Crossing[::1] crossings=None, emit=None):
-    """Test objects of a sweep against the rays stored in their voxels.
+@cython.final
+cdef class Intersector:
+    """One worker's intersection loop: what it needs of a group's grid and of the rays in flight.
 
     Parameters
     ----------
-    ranges : (n, 2) int64
-        IN. First and end of runs of objects, ascending, in the sweep's window.
-    parents : (n, 6) float32, optional
-        IN. The box around the objects of each run, where theirs are quantised. The rays have to be
-        stored by marks of those boxes.
-    delays : Delays
-        IN, OUT: where the sweep reads geometry later, what waits for it, until `settle`.
-    rays : (active,) records.RAY
-        IN, OUT: t and id become those of the nearest hit. Threads share them.
-    crossings : (room,) records.CROSSING, optional
-        Where all hits are wanted: a buffer. The rays stay as they are.
-    emit : callable, optional
-        Called with how many of them there are when it is full, and at the end.
-
-    Returns
-    -------
-    box_tests, object_tests : int
+    lattice : Lattice
+    voxel_rays : VoxelRays
+        Where the rays of a pass are stored.
     """
-    cdef Search s
+
+    cdef Search search
     cdef Found found
-    cdef const Box* parent = NULL
-    cdef int64_t k
-    cdef int n
-    if sweep.coded and parents is None:
-        raise ValueError("quantised boxes: found no boxes around them")
-    begin(&s, sweep, delays, lattice, rays)
-    keep_all(&s, &found, crossings, emit)
-    with nogil:
-        for k in range(ranges.shape[0]):
-            if sweep.coded:
-                parent = <const Box*>&parents[k, 0]
-            advance_to(sweep, ranges, k, parent)
-            while sweep.index < ranges[k, 1]:
-                n = advance_block(sweep, ranges[k, 1] - sweep.index)
-                meet_block(&s, sweep, voxel_rays, n)
-        if s.found != NULL:
-            hand_over(s.found)
-    return s.box_tests, s.object_tests
+    cdef Lattice lattice
+    cdef VoxelRays voxel_rays
+    cdef Delays delays
+    cdef Ray[::1] rays
+    cdef Crossing[::1] crossings
+    cdef object emit
 
+    def __cinit__(self, Lattice lattice, VoxelRays voxel_rays):
+        self.lattice = lattice
+        self.voxel_rays = voxel_rays
+        self.delays = Delays()
+        self.search.grid = &lattice.grid
+        sides_of(self.search.grid, &self.search.sides)
 
-def settle(Sweep sweep, Delays delays, Lattice lattice, Ray[::1] rays, Crossing[::1] crossings=None,
-           emit=None):
-    """End a sweep: test what still waits for geometry.
+    def begin(self, Ray[::1] rays, Crossing[::1] crossings=None, emit=None):
+        """Begin a pass.
 
-    Parameters
-    ----------
-    delays, rays, crossings, emit
-        As for `intersect`.
+        Parameters
+        ----------
+        rays : (active,) records.RAY
+            IN, OUT: t and id become those of the nearest hit. Threads share them.
+        crossings : (room,) records.CROSSING, optional
+            Where all hits are wanted: a buffer. The rays stay as they are.
+        emit : callable, optional
+            Called with how many of them there are when it is full, and at the end of a stream.
+        """
+        cdef Search* s = &self.search
+        self.rays = rays
+        self.crossings = crossings
+        self.emit = emit
+        s.rays = &self.rays[0]
+        s.found = NULL
+        s.near.context = s
+        s.gathered = s.pending = 0
+        s.box_tests = s.object_tests = 0
+        if crossings is not None:
+            self.found.crossings = &self.crossings[0]
+            self.found.n, self.found.room = 0, crossings.shape[0]
+            self.found.emit = <void*>emit
+            s.found = &self.found
 
-    Returns
-    -------
-    object_tests : int
-    """
-    cdef Search s
-    cdef Found found
-    begin(&s, sweep, delays, lattice, rays)
-    keep_all(&s, &found, crossings, emit)
-    with nogil:
-        ask_piece(delays, sweep.geometry)
-        settle_half(&s, sweep, delays, 1 - delays.half)
-        settle_half(&s, sweep, delays, delays.half)
-        end_delays(delays)
-        if s.found != NULL:
-            hand_over(s.found)
-    return s.object_tests
+    def meet(self, StreamScan scan, const int64_t[:, ::1] ranges, const float[:, ::1] parents=None):
+        """Test objects against the rays stored in their voxels.
+
+        Parameters
+        ----------
+        scan : StreamScan
+            Set to the first of them.
+        ranges : (n, 2) int64
+            First and end of runs of objects, ascending, in the scan's window.
+        parents : (n, 6) float32, optional
+            The box around the objects of each run, where theirs are quantised. The rays have to be
+            stored by marks of those boxes.
+        """
+        cdef Search* s = &self.search
+        cdef BoxCursor b = scan.boxes
+        cdef const Box* parent = NULL
+        cdef int64_t k
+        cdef int n
+        if b.coded and parents is None:
+            raise ValueError("quantised boxes: found no boxes around them")
+        s.scan = <void*>scan
+        s.delays = <void*>self.delays if scan.deferred else NULL
+        with nogil:
+            for k in range(ranges.shape[0]):
+                if b.coded:
+                    parent = <const Box*>&parents[k, 0]
+                go_to(b, ranges, k, parent)
+                while b.index < ranges[k, 1]:
+                    n = next_block(scan, ranges[k, 1] - b.index)
+                    meet_block(s, scan, self.voxel_rays, n)
+
+    def finish(self, StreamScan scan):
+        """End a stream: test what still waits for geometry, and hand over what was found."""
+        cdef Search* s = &self.search
+        cdef GeometryCursor g = scan.geometry
+        with nogil:
+            if scan.deferred:
+                ask_piece(self.delays, g.reader)
+                settle_half(s, g, self.delays, 1 - self.delays.half)
+                settle_half(s, g, self.delays, self.delays.half)
+                end_delays(self.delays)
+            if s.found != NULL:
+                hand_over(s.found)
+
+    def tests(self):
+        """Return the box tests and the object tests since `begin`."""
+        return self.search.box_tests, self.search.object_tests

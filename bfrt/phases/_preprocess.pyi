@@ -3,10 +3,10 @@ from numpy.typing import NDArray
 
 from bfrt.geometry.lattice import Lattice
 from bfrt.phases.subspace import Subspace
-from bfrt.store.sweep import Sweep
+from bfrt.scan.scan import StreamScan
 
 def mark(
-    sweep: Sweep,
+    scan: StreamScan,
     ranges: NDArray[np.int64],
     parents: NDArray[np.float32] | None,
     lattice: Lattice,

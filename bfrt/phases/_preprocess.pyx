@@ -7,7 +7,8 @@ from bfrt.geometry.eight cimport Sides, Voxels, eight_empty, eight_voxels, range
 from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, entered_by
 from bfrt.geometry.lattice cimport Lattice
 from bfrt.phases.subspace cimport Subspace
-from bfrt.store.sweep cimport Sweep, advance_block, advance_to, decode
+from bfrt.scan.boxes cimport BoxCursor, decode, go_to
+from bfrt.scan.scan cimport StreamScan, next_block
 from bfrt.streams.atomic cimport atomic_or
 
 
@@ -77,39 +78,42 @@ cdef void mark_range(const Grid* g, Subspace s, const Range* r, uint8_t* marks) 
         mark_face(g, s, r[0], axis, True, marks)
 
 
-def mark(Sweep sweep, const int64_t[:, ::1] ranges, const float[:, ::1] parents, Lattice lattice,
-         Subspace subspace, uint8_t[:, :, ::1] marks):
-    """Mark where the regions of objects of a sweep begin, as far as that is in the subspace.
+def mark(StreamScan scan, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
+         Lattice lattice, Subspace subspace, uint8_t[:, :, ::1] marks):
+    """Mark where the regions of objects begin, as far as that is in the subspace.
 
     Parameters
     ----------
+    scan : StreamScan
+        IN. Set to the first of them.
     ranges : (n, 2) int64
-        IN. First and end of runs of objects, ascending, in the sweep's window.
+        IN. First and end of runs of objects, ascending, in the scan's window.
     parents : (n, 6) float32, optional
         IN. The box around the objects of each run, where theirs are quantised, of which the marks
         then are.
     marks : (layers, rows, row) uint8
         IN, OUT. The subspace's voxels. Threads may share it.
     """
+    cdef BoxCursor b = scan.boxes
     cdef Voxels voxels
     cdef const Box* parent = NULL
     cdef Range region
     cdef Sides sides
     cdef int i, n
     cdef int64_t k
-    if sweep.coded and parents is None:
+    if b.coded and parents is None:
         raise ValueError("quantised boxes: found no boxes around them")
     sides_of(&lattice.grid, &sides)
     with nogil:
         for k in range(ranges.shape[0]):
-            if sweep.coded:
+            if b.coded:
                 parent = <const Box*>&parents[k, 0]
-            advance_to(sweep, ranges, k, parent)
-            while sweep.index < ranges[k, 1]:
-                n = advance_block(sweep, ranges[k, 1] - sweep.index)
-                decode(sweep, n)
-                eight_voxels(&lattice.grid, &sides, &sweep.eight, &voxels)
+            go_to(b, ranges, k, parent)
+            while b.index < ranges[k, 1]:
+                n = next_block(scan, ranges[k, 1] - b.index)
+                decode(b, n)
+                eight_voxels(&lattice.grid, &sides, &b.eight, &voxels)
                 for i in range(n):
-                    if not eight_empty(&sweep.eight, i):
+                    if not eight_empty(&b.eight, i):
                         region = range_at(&voxels, i)
                         mark_range(&lattice.grid, subspace, &region, &marks[0, 0, 0])

@@ -6,13 +6,11 @@ from bfrt.phases.subspace import Subspace
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.store.store import Stream
 
-class Selection:
+class HierarchyWalk:
     def __init__(self, stream: Stream, capacity: int) -> None: ...
-    def rewind(self) -> None: ...
-    def select(
+    def begin(self, lattice: Lattice, where: VoxelRays | Subspace) -> None: ...
+    def choose(
         self,
-        lattice: Lattice,
-        where: VoxelRays | Subspace,
         ranges: NDArray[np.int64],
         objects: int,
         parents: NDArray[np.float32] | None = None,

@@ -22,7 +22,7 @@ cdef enum:
 
 
 @cython.final
-cdef class Selection:
+cdef class HierarchyWalk:
     """The objects of a stream that a pass has to look at, as ranges, in order.
 
     Each level is read forwards, and only those of its records whose parents are near something.
@@ -45,6 +45,9 @@ cdef class Selection:
     cdef int64_t child[LEVELS]  # where that record's children begin
     cdef int top
     cdef int level             # that is being read, or more than top at the end
+    cdef Lattice lattice
+    cdef VoxelRays rays        # what objects are to be near, or None:
+    cdef Subspace subspace
     cdef int64_t boxes_read
 
     def __cinit__(self, stream, size_t capacity):
@@ -59,12 +62,21 @@ cdef class Selection:
             self.reader[k + 1] = <void*>self.readers[k]
         for k, count in enumerate([stream.count, *stream.levels]):
             self.counts[k] = count
-        self.rewind()
 
-    def rewind(self):
-        """Begin again at the first object."""
+    def begin(self, Lattice lattice not None, where):
+        """Begin at the first object to find those near `where`.
+
+        Parameters
+        ----------
+        lattice : Lattice
+        where : VoxelRays or Subspace
+            The voxels that hold rays, or those of a part of the grid.
+        """
         cdef Reader reader
         cdef int k
+        self.lattice = lattice
+        self.rays = where if isinstance(where, VoxelRays) else None
+        self.subspace = None if isinstance(where, VoxelRays) else where
         for k in range(1, self.top + 1):
             reader = <Reader>self.reader[k]
             reader.rewind()
@@ -73,14 +85,11 @@ cdef class Selection:
         self.end[self.top] = self.counts[self.top]
         self.level = self.top
 
-    def select(self, Lattice lattice, where, int64_t[:, ::1] ranges, int64_t objects,
-               float[:, ::1] parents=None):
+    def choose(self, int64_t[:, ::1] ranges, int64_t objects, float[:, ::1] parents=None):
         """Find the next ranges of objects.
 
         Parameters
         ----------
-        where : VoxelRays or Subspace
-            The voxels that hold rays, or those of a part of the grid.
         ranges : (capacity, 2) int64
             OUT. First and end of each, ascending.
         objects : int
@@ -93,17 +102,15 @@ cdef class Selection:
         int
             How many; 0 at the end.
         """
-        cdef VoxelRays rays = where if isinstance(where, VoxelRays) else None
-        cdef Subspace subspace = None if isinstance(where, VoxelRays) else where
         cdef int64_t n
         with nogil:
-            n = self.find(&lattice.grid, rays, subspace, ranges, objects, parents)
+            n = self.find(ranges, objects, parents)
         return n
 
-    cdef int64_t find(self, const Grid* grid, VoxelRays rays, Subspace subspace,
-                      int64_t[:, ::1] ranges, int64_t objects,
+    cdef int64_t find(self, int64_t[:, ::1] ranges, int64_t objects,
                       float[:, ::1] parents) except -1 nogil:
-        """`select`, near rays or, if there are none, a subspace."""
+        """Do what `choose` says."""
+        cdef const Grid* grid = &self.lattice.grid
         cdef Parent parent
         cdef bint near
         cdef int64_t begin, n = 0, found = 0
@@ -116,10 +123,10 @@ cdef class Selection:
             begin = self.child[k]
             self.read(k, &parent)
             self.boxes_read += 1
-            if rays is not None:
-                near = rays_near(<const Box*>&parent, grid, rays)
+            if self.rays is not None:
+                near = rays_near(<const Box*>&parent, grid, self.rays)
             else:
-                near = box_near(<const Box*>&parent, grid, subspace)
+                near = box_near(<const Box*>&parent, grid, self.subspace)
             if not near:
                 continue
             if k > 1:

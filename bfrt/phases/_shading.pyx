@@ -6,7 +6,6 @@ from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
 
 from bfrt.errors import StoreError
 from bfrt.geometry.box cimport Box
-from bfrt.geometry.eight cimport BOXES
 from bfrt.geometry.power cimport power
 from bfrt.geometry.shape cimport Shape, Surface, shape_bounds, shape_load, shape_surface
 from bfrt.geometry.vector cimport (
@@ -16,9 +15,9 @@ from bfrt.image.film cimport Film, film_add
 from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
-from bfrt.store.sweep cimport (
-    Sweep, advance_materials, advance_records, fetch, pick, pick_material,
-)
+from bfrt.scan.geometry cimport GeometryCursor, next_records, pick_record, vertices_in
+from bfrt.scan.materials cimport MaterialCursor, next_material, pick_material
+from bfrt.scan.scan cimport StreamScan
 
 cdef struct Bent:
     bint total   # total internal reflection: there is no refracted ray
@@ -106,8 +105,8 @@ cdef class Shader:
         self.out = self.rays = out
         self.emit = emit
 
-    def shade(self, Sweep sweep, int64_t n, const Hit[::1] hits, bint last):
-        """Shade the hits of the next n objects of a sweep, all of which are read.
+    def shade(self, StreamScan scan, int64_t n, const Hit[::1] hits, bint last):
+        """Shade the hits of the next n objects of a scan, all of which are read.
 
         Parameters
         ----------
@@ -116,35 +115,43 @@ cdef class Shader:
         last : bool
             The maximum depth is reached: shadow rays only.
         """
+        cdef GeometryCursor g = scan.geometry
+        cdef MaterialCursor m = scan.materials
         cdef int64_t at = 0, left = n
-        cdef uint64_t first = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
-        cdef uint32_t materials[BOXES]
+        cdef uint64_t id = (<uint64_t>scan.number << INDEX_BITS) + <uint64_t>g.index
+        cdef uint32_t material
         cdef int block, i
         with nogil:
             while left > 0:
-                block = advance_records(sweep, left)
-                advance_materials(sweep, block, &materials[0])
+                block = next_records(g, left)
                 left -= block
-                while at < hits.shape[0] and hits[at].id < first + <uint64_t>block:
-                    i = <int>(hits[at].id - first)
-                    at += self.shade_object(
-                        sweep, fetch(sweep, i), materials[i], &hits[at], hits.shape[0] - at, last
-                    )
-                first += block
+                for i in range(block):
+                    material = next_material(m)
+                    if at < hits.shape[0] and hits[at].id == id:
+                        at += self.shade_object(
+                            g, g.block + i * g.stride, vertices_in(g, i), material, &hits[at],
+                            hits.shape[0] - at, last,
+                        )
+                    id += 1
 
-    def shade_picked(self, Sweep sweep, const Hit[::1] hits, bint last):
-        """Shade hits on the objects that the sweep picks: only those are read."""
-        cdef int64_t at = 0
+    def shade_picked(self, StreamScan scan, const Hit[::1] hits, bint last):
+        """Shade hits on the objects that the scan picks: only those are read."""
+        cdef GeometryCursor g = scan.geometry
+        cdef MaterialCursor m = scan.materials
+        cdef const unsigned char* record
         cdef uint32_t material
+        cdef int64_t at = 0
         with nogil:
             while at < hits.shape[0]:
-                material = pick_material(sweep)
+                material = pick_material(m)
+                record = pick_record(g)
                 at += self.shade_object(
-                    sweep, pick(sweep), material, &hits[at], hits.shape[0] - at, last
+                    g, record, g.count, material, &hits[at], hits.shape[0] - at, last
                 )
 
-    cdef int64_t shade_object(self, Sweep sweep, const unsigned char* record, uint32_t material,
-                              const Hit* hits, int64_t n, bint last) except -1 nogil:
+    cdef int64_t shade_object(self, GeometryCursor g, const unsigned char* record, uint32_t count,
+                              uint32_t material, const Hit* hits, int64_t n,
+                              bint last) except -1 nogil:
         """Shade the hits at the head of `hits`, all those of one object; how many."""
         cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
         cdef Shape shape
@@ -152,10 +159,10 @@ cdef class Shader:
         if material >= self.palette.shape[0]:
             with gil:
                 raise StoreError(
-                    f"{sweep.tapes[0].path}: found material {material}, "
+                    f"{g.reader.tape.path}: found material {material}, "
                     f"expected one of {len(self.palette)}"
                 )
-        shape_load(sweep.kind, record, sweep.count, &sweep.frame, &shape)
+        shape_load(g.kind, record, count, &g.frame, &shape)
         shape_bounds(&shape, &box)
         while at < n and hits[at].id == hits[0].id:
             if self.waiting > room:

@@ -7,8 +7,6 @@ cimport cython
 from cpython.bytes cimport PyBytes_AS_STRING
 from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 
-import numpy as np
-
 from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.geometry.box cimport box_span
@@ -16,9 +14,13 @@ from bfrt.geometry.shape cimport Meeting, shape_bounds, shape_load
 from bfrt.phases.crossings cimport Found, cross, hand_over
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.records cimport Crossing, Ray
-from bfrt.store.sweep cimport Sweep, advance
-from bfrt.records import INDEX_BITS
-from bfrt.store.sweep import Sweep as SweepType
+from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
+from bfrt.ids import index_of, stream_of
+from bfrt.scan.files import StreamFiles
+
+
+cdef enum:
+    BUFFER = 4096  # bytes of a read buffer
 
 
 @cython.final
@@ -32,7 +34,8 @@ cdef class Outliers:
     """
 
     def __cinit__(self, store, group):
-        cdef Sweep sweep
+        cdef GeometryCursor g
+        cdef uint32_t count
         cdef Outlier* out
         cdef bytes record
         self.records = []
@@ -41,19 +44,18 @@ cdef class Outliers:
             raise MemoryError("outliers")
         streams = {stream.number: stream for stream in group.streams}
         for id in group.outliers:
-            index = id & ((1 << INDEX_BITS) - 1)
-            stream = streams[id >> INDEX_BITS]
-            sweep = SweepType(stream, store.origin, np.empty(0, np.int64), 4096)
-            sweep.window(index, index + 1)
-            advance(sweep)
-            size = sweep.stride * (sweep.count if sweep.count else 1)
-            record = sweep.record[:size]
+            index, stream = index_of(id), streams[stream_of(id)]
+            g = GeometryCursor(stream, store.origin, StreamFiles(stream, False), BUFFER)
+            g.window(index, index + 1)
+            next_records(g, 1)
+            count = vertices_in(g, 0)
+            record = g.block[:g.stride * (count if count else 1)]
             self.records.append(record)
             out = &self.outliers[self.count]
             out.id = id
             if shape_load(
-                sweep.kind, <const unsigned char*>PyBytes_AS_STRING(record), sweep.count,
-                &sweep.frame, &out.shape,
+                g.kind, <const unsigned char*>PyBytes_AS_STRING(record), count, &g.frame,
+                &out.shape,
             ):
                 shape_bounds(&out.shape, &out.box)
                 self.count += 1

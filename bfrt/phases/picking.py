@@ -3,57 +3,50 @@ refinement G)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import INDEX_BITS, NO_HIT, plain
-from bfrt.store.objects import Objects
-from bfrt.store.sweep import Sweep
+from bfrt.ids import index_of, object_id, stream_of
+from bfrt.records import NO_HIT, plain
+from bfrt.scan.scans import GroupScans
+from bfrt.scan.sources import PickedObjects
+from bfrt.store.store import Stream
 from bfrt.streams.parting import gathered, parted
 from bfrt.streams.spool import Spool
 
-#: Objects that are hit, of which a thread asks for so many at once: up to 16 KB of the page cache
-#: each.
-PICKED = 512
+def hits_of(ids: NDArray[np.uint64], stream: Stream) -> slice:
+    """Find the hits on a stream's objects among ascending ids."""
+    numbers = np.array([object_id(stream.number, 0), object_id(stream.number + 1, 0)], np.uint64)
+    begin, end = np.searchsorted(ids, numbers)
+    return slice(int(begin), int(end))
 
-#: Called with a worker's number, its sweep, and the hits [first, last) on objects that it picks.
-Pick = Callable[[int, Sweep, int, int], None]
 
-
-def each_hit(objects: Objects, ids: NDArray[np.uint64], pick: Pick) -> None:
-    """Call `pick` for all hits on a group's objects, by threads, those of an object together.
+def picked(
+    scans: GroupScans, stream: Stream, ids: NDArray[np.uint64]
+) -> tuple[PickedObjects, NDArray[np.int64]]:
+    """Return the source of the objects that are hit, and where each one's hits begin.
 
     Parameters
     ----------
     ids : (hits,) uint64
-        The objects that are hit, ascending.
+        The objects that are hit, ascending; all in the stream, one or more.
+
+    Returns
+    -------
+    source : PickedObjects
+    starts : (objects + 1,) int64
+        Of each object's hits, and the end of the last.
     """
-    for stream in objects.group.streams:
-        numbers = np.array([stream.number, stream.number + 1], np.uint64) << np.uint64(INDEX_BITS)
-        begin, end = np.searchsorted(ids, numbers)
-        own = (ids[begin:end] - numbers[0]).astype(np.int64)
-        starts = np.flatnonzero(np.diff(own, prepend=-1))  # of each object's hits
-        ranges = own[starts, None] + np.array([0, 1])
-        starts = np.append(starts, len(own)) + begin
-
-        def some(
-            worker: int,
-            sweep: Sweep,
-            a: int,
-            b: int,
-            starts: NDArray[np.int64] = starts,
-        ) -> None:
-            pick(worker, sweep, int(starts[a]), int(starts[b]))
-
-        if len(ranges):
-            objects.pick(stream, ranges, some, together=PICKED)
+    own = index_of(ids).astype(np.int64)
+    starts = np.flatnonzero(np.diff(own, prepend=-1))
+    return PickedObjects(scans, stream, own[starts]), np.append(starts, len(own))
 
 
-def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[tuple[NDArray[Any], bool]]:
+def by_object(hits: Spool, groups: list[GroupScans], room: int) -> Iterator[tuple[NDArray[Any], bool]]:
     """All hits of a spool, `room` at the most at once, in the order of their objects.
 
     The paper sorts what fills memory, and sweeps for each such load. Where reading all geometry
@@ -69,12 +62,12 @@ def by_object(hits: Spool, groups: list[Objects], room: int) -> Iterator[tuple[N
         Whether a sweep begins with them, or goes on.
     """
     reached = np.uint64(NO_HIT)
-    streams = [stream for objects in groups for stream in objects.group.streams]
+    streams = [stream for scans in groups for stream in scans.streams]
     further = (len(hits) - 1) // room
     swept = further * sum(stream.expected_bytes()["geometry"] for stream in streams)
     moved = 2 * len(hits) * hits.dtype.itemsize
     parts: Iterable[Spool] = (hits,)
-    if swept > moved and all(objects.lazy for objects in groups):
+    if swept > moved and all(scans.lazy for scans in groups):
         counts = np.zeros(1 + max(stream.number for stream in streams), np.int64)
         counts[[stream.number for stream in streams]] = [stream.count for stream in streams]
         ends = np.cumsum(counts)
@@ -99,6 +92,6 @@ def _sort(hits: NDArray[Any], load: NDArray[Any]) -> int:
 
 def _places(hits: NDArray[Any], begins: NDArray[np.int64]) -> NDArray[np.int64]:
     """Where the hits' objects are among those of all streams."""
-    ids = hits["id"].astype(np.int64)
-    places: NDArray[np.int64] = begins[ids >> INDEX_BITS] + (ids & ((1 << INDEX_BITS) - 1))
+    ids = hits["id"]
+    places: NDArray[np.int64] = begins[stream_of(ids)] + index_of(ids).astype(np.int64)
     return places

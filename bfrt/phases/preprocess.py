@@ -11,7 +11,6 @@ that leaves out what lies outside it (section 3.2).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,24 +19,21 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._preprocess import mark
 from bfrt.phases._slabs import pack
 from bfrt.phases.partition import Partition, subspaces
-from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
+from bfrt.phases.selection import Selection
 from bfrt.phases.subspace import Subspace
 from bfrt.store.marks import (
     BRICK,
     BRICK_BYTES,
     Layout,
-    Marks,
     MarksWriter,
     Shape,
     bricks_of,
-    marks_path,
-    open_marks,
-    writing_marks,
 )
-from bfrt.store.objects import Objects
+from bfrt.scan.scans import GroupScans
+from bfrt.scan.sources import Chunk
 from bfrt.store.store import Group, Store
-from bfrt.store.sweep import Sweep
 from bfrt.stats import Counters
+from bfrt.workers import Workers
 
 Bytes = NDArray[np.uint8]
 
@@ -66,58 +62,33 @@ def layout_of(group: Group, partition: Partition, hierarchy: bool) -> Layout:
     return Layout(partition.shape, partition.axis, group.quantised_checksum if hierarchy else 0)
 
 
-def preprocess(
-    store: Store,
-    objects: Objects,
-    selections: Selections | None,
-    lattice: Lattice,
-    partition: Partition,
-    subspace: int,
-    *,
-    fresh: bool,
-    scratch: Path,
-    counters: Counters,
-) -> tuple[Marks, bool]:
-    """The marks of a group's grid, and whether they were there already.
+class Marking:
+    """Makes the marks of a group's grid, subspace by subspace.
 
     Parameters
     ----------
-    selections : Selections, optional
-        Without, every subspace takes a pass over all objects, and marks are of their boxes as they
-        are, whatever quantised ones there are.
-    subspace : int
-        Voxels that are marked at a time, at the most.
-
-    Returns
-    -------
-    marks : Marks
-    reused : bool
+    scans : GroupScans
+    selection : Selection
+        Without the hierarchy every subspace takes a pass over all objects, and marks are of their
+        boxes as they are, whatever quantised ones there are.
+    lattice : Lattice
+        The grid.
+    workers : Workers
+    counters : Counters
     """
-    path = marks_path(store, objects.group, scratch)
-    layout = layout_of(objects.group, partition, selections is not None)
-    found = None if fresh else open_marks(path, store, layout)
-    if found is not None:
-        return found, True
-    marking = Marking(objects, selections, lattice, counters)
-    with writing_marks(path, store, layout) as writer:
-        marking.mark_all(subspace, writer)
-    counters.phases.preprocess.bytes_written += writer.bytes
-    return writer.marks, False
-
-
-class Marking:
-    """Makes the marks of a grid, subspace by subspace."""
 
     def __init__(
         self,
-        objects: Objects,
-        selections: Selections | None,
+        scans: GroupScans,
+        selection: Selection,
         lattice: Lattice,
+        workers: Workers,
         counters: Counters,
     ) -> None:
-        self._objects = objects
-        self._selections = selections
+        self._scans = scans
+        self._selection = selection
         self._lattice = lattice
+        self._workers = workers
         self._counters = counters
 
     def mark_all(self, most: int, writer: MarksWriter) -> None:
@@ -125,23 +96,24 @@ class Marking:
         for first, end in subspaces(self._lattice.layered, most):
             for bricks, occupied in layers_of(self._marked(first, end)):
                 writer.add(bricks, occupied)
+        self._counters.phases.preprocess.bytes_written += writer.bytes
 
     def _marked(self, first: int, end: int) -> Bytes:
-        """The marks of a subspace: one pass over the objects."""
+        """Mark a subspace: one pass over the objects."""
         marks = np.zeros((end - first, *self._lattice.layered[1:]), np.uint8)
         subspace = Subspace(self._lattice, first, end)
         phase = self._counters.phases.preprocess
 
-        def loop(_: int, sweep: Sweep, ranges: NDArray[np.int64], parents: Parents | None) -> None:
-            mark(sweep, ranges, parents, self._lattice, subspace, marks)
+        def meet(_: int, chunk: Chunk) -> None:
+            mark(*chunk, self._lattice, subspace, marks)
 
-        if self._selections is None:
-            boxes = sweep_all(self._objects, loop)
-        else:
-            boxes = sweep_near(self._objects, self._selections, self._lattice, subspace, loop)
-            boxes += self._selections.count(phase)
-        self._counters.sweep(boxes, self._objects)
-        phase.swept(self._objects)
+        swept = 0
+        for stream in self._scans.streams:
+            source = self._selection.near(stream, self._lattice, subspace)
+            self._workers.drain(source, meet)
+            swept += source.swept
+        self._counters.sweep(swept + self._selection.count(phase), self._scans)
+        phase.swept(self._scans)
         return marks
 
 

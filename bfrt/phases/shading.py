@@ -7,7 +7,7 @@ sweep over the objects meets them in order.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,14 +15,17 @@ from numpy.typing import NDArray
 
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
-from bfrt.phases.picking import by_object, each_hit
-from bfrt.records import HIT_BYTES, INDEX_BITS, MATERIAL_BYTES, QUEUED, QUEUED_BYTES
-from bfrt.store.objects import Objects
+from bfrt.ids import index_of
+from bfrt.phases.picking import by_object, hits_of, picked
+from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED, QUEUED_BYTES
+from bfrt.scan.scan import StreamScan
+from bfrt.scan.scans import GroupScans
+from bfrt.scan.sources import AllRecords, Chunk
 from bfrt.store.model import Light
-from bfrt.store.store import Store
-from bfrt.store.sweep import Sweep
+from bfrt.store.store import Store, Stream
 from bfrt.stats import Counters
 from bfrt.streams.spool import Spool
+from bfrt.workers import Workers
 
 
 #: A hit that is shaded: itself, its sorted copy, its id and its place in the order.
@@ -50,7 +53,7 @@ class Shading:
         Relative to the store's origin.
     hits : int
         That are shaded at once, at the most.
-    threads : int
+    workers : Workers
     """
 
     def __init__(
@@ -60,9 +63,10 @@ class Shading:
         film: Film,
         eye: NDArray[np.float64],
         hits: int,
-        threads: int,
+        workers: Workers,
     ) -> None:
         self._capacity = hits
+        self._workers = workers
         self._ambient = light_intensity(len(lights))
         self._palette = store.materials()
         origin = self._origin = np.array(store.origin)
@@ -77,7 +81,7 @@ class Shading:
         ).reshape(-1, 6)
         self._film = film
         self._eye = eye
-        self._out = np.empty((threads, emit_room(len(lights))), QUEUED)
+        self._out = np.empty((workers.threads, emit_room(len(lights))), QUEUED)
 
     @staticmethod
     def bytes(store: Store, threads: int) -> int:
@@ -87,58 +91,82 @@ class Shading:
 
     def shade(
         self,
-        groups: list[Objects],
+        groups: list[GroupScans],
         hits: Spool,
         queue: Spool,
         last: bool,
         counters: Counters,
     ) -> None:
-        """Shade all hits, on objects of all groups; the next depth's rays go to `queue`."""
-        for load, begins in by_object(hits, groups, self._capacity):
-            self._sweep(groups, load, begins, queue.append, last, counters)
+        """Shade all hits, on objects of all groups; the next depth's rays go to `queue`.
 
-    def _sweep(
-        self,
-        groups: list[Objects],
-        hits: NDArray[Any],
-        begins: bool,
-        emit: Callable[[NDArray[Any]], None],
-        last_depth: bool,
-        counters: Counters,
-    ) -> None:
-        ids = np.ascontiguousarray(hits["id"])
+        Parameters
+        ----------
+        last : bool
+            Whether the maximum depth is reached: then there are shadow rays only.
+        """
         shaders = [
             Shader(
-                self._palette,
-                self._lights,
-                self._ambient,
-                self._eye,
-                self._origin,
-                self._film,
-                out,
-                emit,
+                self._palette, self._lights, self._ambient, self._eye, self._origin, self._film,
+                out, queue.append,
             )
             for out in self._out
-        ]
-
-        def loop(worker: int, sweep: Sweep, first: int, last: int) -> None:
-            sweep.material_window(first, last)
-            stream = sweep.number << INDEX_BITS
-            a, b = np.searchsorted(ids, np.array([stream + first, stream + last], np.uint64))
-            shaders[worker].shade(sweep, last - first, hits[a:b], last_depth)
-
-        def pick(worker: int, sweep: Sweep, a: int, b: int) -> None:
-            shaders[worker].shade_picked(sweep, hits[a:b], last_depth)
-
-        for objects in groups:
-            if objects.lazy:
-                each_hit(objects, ids, pick)
-                counters.sweep(0, objects, begins)
-            else:
-                counters.sweep(objects.each(loop), objects)
-            counters.phases.shading.swept(objects)
+        ]  # fmt: skip
+        for load, begins in by_object(hits, groups, self._capacity):
+            ids = np.ascontiguousarray(load["id"])
+            for scans in groups:
+                for stream in scans.streams:
+                    part = hits_of(ids, stream)
+                    if scans.lazy:
+                        self._pick(shaders, scans, stream, load[part], last)
+                    else:
+                        self._sweep(shaders, scans, stream, load[part], last)
+                counters.sweep(0 if scans.lazy else count_of(scans), scans, begins)
+                counters.phases.shading.swept(scans)
         for shader in shaders:
             shader.flush()
             counters.rays.reflection += shader.reflection
             counters.rays.refraction += shader.refraction
             counters.rays.shadow += shader.shadow
+
+    def _pick(
+        self,
+        shaders: list[Shader],
+        scans: GroupScans,
+        stream: Stream,
+        hits: NDArray[Any],
+        last: bool,
+    ) -> None:
+        """Shade the hits on a stream's objects: only those are read."""
+        if not len(hits):
+            return
+        source, starts = picked(scans, stream, np.ascontiguousarray(hits["id"]))
+
+        def shade(worker: int, chunk: tuple[StreamScan, slice]) -> None:
+            scan, part = chunk
+            some = hits[starts[part.start] : starts[part.stop]]
+            shaders[worker].shade_picked(scan, some, last)
+
+        self._workers.drain(source, shade)
+
+    def _sweep(
+        self,
+        shaders: list[Shader],
+        scans: GroupScans,
+        stream: Stream,
+        hits: NDArray[Any],
+        last: bool,
+    ) -> None:
+        """Shade the hits on a stream's objects: all are read."""
+        indices = index_of(np.ascontiguousarray(hits["id"])).astype(np.int64)
+
+        def shade(worker: int, chunk: Chunk) -> None:
+            first, end = chunk.ranges[0]
+            a, b = np.searchsorted(indices, [first, end])
+            shaders[worker].shade(chunk.scan, end - first, hits[a:b], last)
+
+        self._workers.drain(AllRecords(scans, stream), shade)
+
+
+def count_of(scans: GroupScans) -> int:
+    """Count the objects of a group."""
+    return sum(stream.count for stream in scans.streams)

@@ -23,8 +23,8 @@ from bfrt.phases._traversal import (
     settle,
     walk,
 )
+from bfrt.phases._intersection import Intersector
 from bfrt.phases.crossings import Crossings
-from bfrt.phases.delays import Delays
 from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
@@ -171,7 +171,6 @@ class Flight:
         self._paths = np.empty(capacity, PATH)
         self._order = np.empty(capacity, np.uint32)
         self._left = np.empty(capacity, np.uint32)
-        self.delays = [Delays() for _ in range(workers.threads)]
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
 
     def begin(self, crossings: Crossings | None) -> None:
@@ -186,6 +185,10 @@ class Flight:
         self._slabs, self.voxel_rays, self._outliers = ground
         self._starts = np.empty(2 * ground.slabs.count + 1, np.int64)
         self._ordered = 0
+
+    def hand(self, intersector: Intersector) -> None:
+        """Give the active rays to a worker's intersection loop, for a pass."""
+        intersector.begin(self.rays, *(() if self.crossings is None else self.crossings.buffer()))
 
     @property
     def rays(self) -> NDArray[Any]:

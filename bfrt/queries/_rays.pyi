@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.store.sweep import Sweep
+from bfrt.scan.scan import StreamScan
 
 def ask(
     origins: NDArray[np.float64],
@@ -18,5 +18,5 @@ def ask(
     out: NDArray[Any],
 ) -> int: ...
 def surfaces(
-    sweep: Sweep, hits: NDArray[Any], normals: NDArray[np.float32], uvs: NDArray[np.float32]
+    scan: StreamScan, hits: NDArray[Any], normals: NDArray[np.float32], uvs: NDArray[np.float32]
 ) -> None: ...

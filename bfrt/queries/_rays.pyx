@@ -8,7 +8,8 @@ from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
 from bfrt.geometry.vector cimport Line, Vec, along, line, smaller, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport NO_HIT, Asked, Ray
-from bfrt.store.sweep cimport Sweep, pick
+from bfrt.scan.geometry cimport GeometryCursor, pick_record
+from bfrt.scan.scan cimport StreamScan
 
 
 cdef inline double end_of(double t_max, double moved) noexcept nogil:
@@ -97,8 +98,8 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     return bad
 
 
-def surfaces(Sweep sweep, const Asked[::1] hits, float[:, ::1] normals, float[:, ::1] uvs):
-    """The surfaces at hits on the objects that the sweep picks: only those are read.
+def surfaces(StreamScan scan, const Asked[::1] hits, float[:, ::1] normals, float[:, ::1] uvs):
+    """Find the surfaces at hits on the objects that the scan picks: only those are read.
 
     Parameters
     ----------
@@ -107,6 +108,7 @@ def surfaces(Sweep sweep, const Asked[::1] hits, float[:, ::1] normals, float[:,
     normals, uvs : (n, 3), (n, 2) float32
         OUT. Unit geometric normals; barycentric u and v of triangles and patches, else 0.
     """
+    cdef GeometryCursor g = scan.geometry
     cdef int64_t i
     cdef uint64_t id = NO_HIT
     cdef const Asked* h
@@ -119,8 +121,8 @@ def surfaces(Sweep sweep, const Asked[::1] hits, float[:, ::1] normals, float[:,
             h = &hits[i]
             if h.id != id:
                 id = h.id
-                record = pick(sweep)
-                shape_load(sweep.kind, record, sweep.count, &sweep.frame, &shape)
+                record = pick_record(g)
+                shape_load(g.kind, record, g.count, &g.frame, &shape)
             l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
             shape_surface(&shape, &l, h.t, &s)
             normals[i, 0], normals[i, 1] = <float>s.geometric.x, <float>s.geometric.y

@@ -24,19 +24,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import Capacities
 from bfrt.errors import SettingError
+from bfrt.ids import index_of, stream_of
 from bfrt.phases.crossings import Crossings
-from bfrt.phases.picking import by_object, each_hit
+from bfrt.phases.picking import by_object, hits_of, picked
 from bfrt.queries._rays import surfaces
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries.rays import AskedRays, Block, Given, rays_of
-from bfrt.records import ASKED, HIT, INDEX_BITS, NO_HIT, QUEUED_BYTES, RayKind
+from bfrt.records import ASKED, HIT, NO_HIT, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
-from bfrt.store.sweep import Sweep
+from bfrt.scan.scan import StreamScan
+from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats, peak_rss
+from bfrt.store.store import Stream
 from bfrt.streams.spool import Spool
 from bfrt.tracer import Outcome, Tracer
+from bfrt.workers import Workers
 
 log = logging.getLogger(__name__)
 
@@ -310,36 +314,65 @@ class Answers:
         self._spool.close()
 
 
+class Surfaces:
+    """Normals and uv of hits, of which only the objects that are hit are read.
+
+    Parameters
+    ----------
+    hits : (n,) records.ASKED
+        Ascending by id.
+    workers : Workers
+
+    Attributes
+    ----------
+    normals, uvs : ndarray of float32, shape (n, 3), (n, 2)
+    """
+
+    def __init__(self, hits: NDArray[Any], workers: Workers) -> None:
+        self.normals = np.empty((len(hits), 3), np.float32)
+        self.uvs = np.empty((len(hits), 2), np.float32)
+        self._hits = hits
+        self._ids = np.ascontiguousarray(hits["id"])
+        self._workers = workers
+
+    def find(self, scans: GroupScans) -> None:
+        """Find those of the hits on a group's objects."""
+        for stream in scans.streams:
+            part = hits_of(self._ids, stream)
+            if part.start < part.stop:
+                self._find(scans, stream, part)
+
+    def _find(self, scans: GroupScans, stream: Stream, part: slice) -> None:
+        source, starts = picked(scans, stream, self._ids[part])
+        starts += part.start
+
+        def resolve(_: int, chunk: tuple[StreamScan, slice]) -> None:
+            scan, some = chunk
+            own = slice(starts[some.start], starts[some.stop])
+            surfaces(scan, self._hits[own], self.normals[own], self.uvs[own])
+
+        self._workers.drain(source, resolve)
+
+
 def _resolve(
     asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]
 ) -> None:
     """Find normals and uv of hits, object by object."""
     counters = Counters()
     with counters.phases.shading.timed():
-        objects = asking.tracer.objects
+        groups = asking.tracer.scans
         # Half of them, for what is found takes memory too.
-        for records, begins in by_object(hits, objects, max(1, asking.plan.hits // 2)):
+        for records, begins in by_object(hits, groups, max(1, asking.plan.hits // 2)):
             some = records.view(ASKED)
             found = np.empty(len(some), ANSWER)
-            normals = np.empty((len(some), 3), np.float32)
-            uvs = np.empty((len(some), 2), np.float32)
-
-            def pick(
-                _: int, sweep: Sweep, a: int, b: int,
-                some: NDArray[Any] = some,
-                normals: NDArray[np.float32] = normals,
-                uvs: NDArray[np.float32] = uvs,
-            ) -> None:  # fmt: skip
-                surfaces(sweep, some[a:b], normals[a:b], uvs[a:b])
-
-            ids = np.ascontiguousarray(some["id"])
-            for group in objects:
-                each_hit(group, ids, pick)
-                counters.sweep(0, group, begins)
-                counters.phases.shading.swept(group)
+            faces = Surfaces(some, asking.tracer.workers)
+            for scans in groups:
+                faces.find(scans)
+                counters.sweep(0, scans, begins)
+                counters.phases.shading.swept(scans)
             found["number"], found["key"] = some["number"], some["id"]
             found["t"] = np.ldexp(some["t"] + some["moved"], -some["power"])
-            found["normal"], found["uv"] = normals, uvs
+            found["normal"], found["uv"] = faces.normals, faces.uvs
             append(found)
         counters.phases.shading.spooled(hits)
     asking.stats.total.add(counters)
@@ -356,7 +389,7 @@ def _fields(records: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
 def _hit_columns(block: NDArray[Any]) -> dict[str, NDArray[Any]]:
     ids = block["key"]
     missed = ids == NO_HIT
-    stream, index = ids >> np.uint64(INDEX_BITS), ids & np.uint64((1 << INDEX_BITS) - 1)
+    stream, index = stream_of(ids), index_of(ids)
     return {
         "t_hit": block["t"],
         "geometry_ids": np.where(missed, MISS, stream.astype(np.int32)),

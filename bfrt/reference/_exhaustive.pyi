@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.store.sweep import Sweep
+from bfrt.scan.geometry import GeometryCursor
 
 def scale_directions(directions: NDArray[np.float64], powers: NDArray[np.int32]) -> None: ...
 def bring_near(
@@ -14,7 +14,7 @@ def lines(
     origins: NDArray[np.float64], directions: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None: ...
 def meet(
-    sweep: Sweep,
+    cursor: GeometryCursor,
     n: int,
     grow: float,
     rays: NDArray[np.float64],
@@ -22,7 +22,7 @@ def meet(
     ids: NDArray[np.uint64],
 ) -> None: ...
 def cross(
-    sweep: Sweep,
+    cursor: GeometryCursor,
     n: int,
     grow: float,
     rays: NDArray[np.float64],

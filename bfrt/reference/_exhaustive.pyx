@@ -1,4 +1,4 @@
-"""The slow twin's loop: every object of a sweep against every ray."""
+"""The slow twin's loop: every object of a cursor against every ray."""
 
 from libc.math cimport NAN
 from libc.stdint cimport int64_t, uint32_t, uint64_t
@@ -11,7 +11,7 @@ from bfrt.geometry.shape cimport (
 from bfrt.geometry.vector cimport Line, Vec, line, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport INDEX_BITS, Ray
-from bfrt.store.sweep cimport Sweep, advance
+from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
 
 cdef enum:
     TOGETHER = 64     # rays that meet a box before the kernel is called
@@ -109,9 +109,9 @@ def lines(const double[:, ::1] origins, const double[:, ::1] directions, double[
             )
 
 
-def meet(Sweep sweep, int64_t n, double grow, const double[:, ::1] rays, double[::1] t,
+def meet(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, double[::1] t,
          uint64_t[::1] ids):
-    """Meet the next n objects of a sweep with every ray.
+    """Meet the next n objects of a cursor with every ray.
 
     Nothing is culled by the hit so far. The box is that of the geometry, not the one on disk.
 
@@ -138,9 +138,9 @@ def meet(Sweep sweep, int64_t n, double grow, const double[:, ::1] rays, double[
     nearest.id = &ids[0]
     with nogil:
         for _ in range(n):
-            id = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
-            advance(sweep)
-            if not shape_load(sweep.kind, sweep.record, sweep.count, &sweep.frame, &shape):
+            id = (<uint64_t>g.number << INDEX_BITS) + <uint64_t>g.index
+            next_records(g, 1)
+            if not shape_load(g.kind, g.block, vertices_in(g, 0), &g.frame, &shape):
                 continue
             shape_bounds(&shape, &box)
             pending = 0
@@ -159,8 +159,8 @@ def meet(Sweep sweep, int64_t n, double grow, const double[:, ::1] rays, double[
             settle(&met[0], pending, id, &nearest)
 
 
-def cross(Sweep sweep, int64_t n, double grow, const double[:, ::1] rays, list found):
-    """Find all hits of the next n objects of a sweep with every ray.
+def cross(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, list found):
+    """Find all hits of the next n objects of a cursor with every ray.
 
     Parameters
     ----------
@@ -178,9 +178,9 @@ def cross(Sweep sweep, int64_t n, double grow, const double[:, ::1] rays, list f
     cdef int64_t k
     cdef int i
     for _ in range(n):
-        id = (<uint64_t>sweep.number << INDEX_BITS) + <uint64_t>sweep.index
-        advance(sweep)
-        if not shape_load(sweep.kind, sweep.record, sweep.count, &sweep.frame, &shape):
+        id = (<uint64_t>g.number << INDEX_BITS) + <uint64_t>g.index
+        next_records(g, 1)
+        if not shape_load(g.kind, g.block, vertices_in(g, 0), &g.frame, &shape):
             continue
         shape_bounds(&shape, &box)
         for k in range(rays.shape[0]):

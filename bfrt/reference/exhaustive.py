@@ -24,8 +24,9 @@ from bfrt.errors import SettingError
 from bfrt.phases.preprocess import growth
 from bfrt.records import NO_HIT
 from bfrt.reference._exhaustive import bring_near, cross, lines, meet, scale_directions
-from bfrt.store.store import Store
-from bfrt.store.sweep import Sweep
+from bfrt.scan.files import StreamFiles
+from bfrt.scan.geometry import GeometryCursor
+from bfrt.store.store import Store, Stream
 from bfrt.workers import Workers
 
 Array = NDArray[np.float64]
@@ -72,11 +73,7 @@ def nearest(
     t = np.full(len(start), np.inf)
     ids = np.full(len(start), NO_HIT, np.uint64)
     grow = growth(store)
-    none = np.empty(0, np.int64)
-    sweeps = [
-        [Sweep(stream, store.origin, none, READ_BUFFER) for stream in store.streams]
-        for _ in range(threads)
-    ]
+    cursors = [[cursor_of(store, stream) for stream in store.streams] for _ in range(threads)]
 
     def chunk(worker: int, first: int, last: int) -> None:
         part = slice(first, last)
@@ -84,10 +81,10 @@ def nearest(
         near, moved = advanced(store, start[part], along)
         rays = np.empty((last - first, LINE_DOUBLES))
         lines(near, along, rays)
-        for stream, sweep in zip(store.streams, sweeps[worker], strict=True):
-            sweep.rewind()
-            sweep.window(0, stream.count)
-            meet(sweep, stream.count, grow, rays, t[part], ids[part])
+        for stream, cursor in zip(store.streams, cursors[worker], strict=True):
+            cursor.rewind()
+            cursor.window(0, stream.count)
+            meet(cursor, stream.count, grow, rays, t[part], ids[part])
         t[part] = lengths(t[part] + moved, powers)  # only now: rounded, two hits might tie
 
     workers = Workers(threads)
@@ -134,9 +131,9 @@ def crossings(
     lines(near, way, rays)
     found: list[tuple[int, float, int]] = []
     for stream in store.streams:
-        sweep = Sweep(stream, store.origin, np.empty(0, np.int64), READ_BUFFER)
-        sweep.window(0, stream.count)
-        cross(sweep, stream.count, growth(store), rays, found)
+        cursor = cursor_of(store, stream)
+        cursor.window(0, stream.count)
+        cross(cursor, stream.count, growth(store), rays, found)
     ray = np.array([f[0] for f in found], np.int64)
     t = lengths(np.array([f[1] for f in found], np.float64) + moved[ray], powers[ray])
     ids = np.array([f[2] for f in found], np.uint64)
@@ -157,6 +154,11 @@ def lengths(t: Array, powers: NDArray[np.int32]) -> Array:
     """t (n,) in lengths of directions as they were before they were divided by powers of two."""
     with np.errstate(over="ignore"):  # then it is no number, and a miss
         return np.ldexp(t, -powers)
+
+
+def cursor_of(store: Store, stream: Stream) -> GeometryCursor:
+    """Open a stream's geometry, to be read in order."""
+    return GeometryCursor(stream, store.origin, StreamFiles(stream, lazy=False), READ_BUFFER)
 
 
 def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, ShortReadError
-from bfrt.records import BOX_BYTES, INDEX_BITS, SCALARS, Kind
+from bfrt.ids import object_id, stream_number
+from bfrt.records import BOX_BYTES, SCALARS, Kind
 from bfrt.store._bounds import bound
 from bfrt.store.extent import Extent
 from bfrt.store.hierarchy import Hierarchy, Level, make_levels
@@ -178,8 +179,7 @@ class StreamWriter:
         if "boxes" in self.files:
             self.files["boxes"].write(block.boxes, kept=True)
         self.materials.append(block.materials)
-        stream = self.group * len(Kind) + self.kind
-        first = (stream << INDEX_BITS) + self.count
+        first = object_id(stream_number(self.group, self.kind), self.count)
         extent.add(block.boxes, first)
         if self.first_level is not None:
             self.first_level.add(block.boxes)

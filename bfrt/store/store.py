@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
+from bfrt.ids import index_of, stream_number, stream_of
 from bfrt.records import (
     BOX_BYTES,
     CODE_BYTES,
-    INDEX_BITS,
     MATERIAL,
     OFFSET_BYTES,
     PARENT_BYTES,
@@ -47,7 +47,7 @@ from bfrt.store.model import Camera, Light, Vector
 from bfrt.streams.aside import refused
 
 MAGIC = "bfrt scene store"
-VERSION = 3
+VERSION = 4
 HEADER = "scene.json"
 MADE = "made.json"
 PALETTE = "palette"
@@ -82,7 +82,7 @@ class Stream:
     @property
     def number(self) -> int:
         """The stream's part of an object id."""
-        return self.group * len(Kind) + self.kind
+        return stream_number(self.group, self.kind)
 
     @property
     def stride(self) -> int:
@@ -341,7 +341,7 @@ def _group(path: Path, number: int, group: dict[str, Any]) -> Group:
     counts = {s.number: s.count for s in streams}
     outliers = list(group["outliers"])
     for id in outliers:
-        if id & ((1 << INDEX_BITS) - 1) >= counts.get(id >> INDEX_BITS, 0):
+        if index_of(id) >= counts.get(stream_of(id), 0):
             raise ValueError(f"outliers: found id {id}, expected an object of group {number}")
     made = Group(number, streams, bounds_from(group["grid_bounds"]), outliers)
     if made.gridded < 0 or (made.gridded > 0 and made.grid_bounds.empty):
@@ -375,8 +375,3 @@ def _check_size(path: Path, size: int) -> None:
         raise refused(path, 0, error, "examining") from error
     if found != size:
         raise StoreError(f"{path}: found {found} bytes, expected {size}: the store is truncated")
-
-
-def object_id(stream: int, index: int) -> int:
-    """The 64-bit id of an object."""
-    return stream << INDEX_BITS | index

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.records import MATERIAL, SCALARS, Kind
+from bfrt.records import KIND_BITS, MATERIAL, SCALARS, STREAM_BITS, Kind
 from bfrt.store.columns import Prepared, prepare
 from bfrt.store.extent import Bounds
 from bfrt.store.given import array_of, column_of, floats_of, rows_of, triple_of
@@ -55,7 +55,7 @@ log = logging.getLogger(__name__)
 REMEMBERED = 65536
 
 #: Groups of a store: their streams have numbers of 16 bits.
-MOST_GROUPS = (1 << 16) // len(Kind)
+MOST_GROUPS = 1 << STREAM_BITS - KIND_BITS
 
 #: Objects whose boxes are worked out at once: what bounds memory beside the caller's block.
 BLOCK = 65536

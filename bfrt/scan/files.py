@@ -1,0 +1,33 @@
+"""The open files of a stream, which all workers share."""
+
+from __future__ import annotations
+
+from bfrt.store.store import Stream
+from bfrt.streams.reader import Reader, Tape
+
+
+class StreamFiles:
+    """Opens each file of a stream when it is first read.
+
+    Parameters
+    ----------
+    stream : Stream
+    lazy : bool
+        Whether what is read may be asked for before.
+    """
+
+    def __init__(self, stream: Stream, lazy: bool) -> None:
+        self.lazy = lazy
+        self._stream = stream
+        self._files: dict[str, Tape] = {}
+
+    def reader(self, name: str, capacity: int) -> Reader:
+        """Return a reader of a file, with a buffer of so many bytes."""
+        if name not in self._files:
+            self._files[name] = Tape(self._stream.path(name), self.lazy)
+        return Reader(self._files[name], capacity, self.lazy)
+
+    def counts(self) -> tuple[int, int]:
+        """Count bytes read and seeks since the last call."""
+        counts = [file.counts() for file in self._files.values()]
+        return sum(c[0] for c in counts), sum(c[1] for c in counts)

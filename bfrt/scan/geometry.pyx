@@ -1,0 +1,154 @@
+"""Cursors over geometry."""
+
+cimport cython
+from libc.stdint cimport int64_t, uint32_t
+
+from bfrt.geometry.eight cimport BOXES
+from bfrt.geometry.vector cimport vec
+from bfrt.records cimport OFFSET_BYTES, POLYGON
+from bfrt.scan.runs cimport prefetch_runs, run_end
+from bfrt.streams.reader cimport Reader, skip, take, want
+
+import numpy as np
+
+from bfrt.errors import StoreError
+
+
+@cython.final
+cdef class GeometryCursor:
+    """Reads the geometry of a stream, forwards.
+
+    Parameters
+    ----------
+    stream : bfrt.store.store.Stream
+        What to read.
+    origin : sequence of 3 float
+        The store's.
+    files : bfrt.scan.files.StreamFiles
+        The open files.
+    capacity : int
+        Bytes of the read buffer; more where the largest polygon needs it.
+    """
+
+    def __cinit__(self, stream, origin, files, size_t capacity):
+        self.kind = stream.kind
+        self.number = stream.number
+        self.stride = stream.stride
+        self.frame.wide = stream.wide
+        self.frame.origin = vec(origin[0], origin[1], origin[2])
+        largest = self.stride * max(BOXES, stream.largest)
+        self.reader = files.reader("geometry", max(capacity, largest))
+        if self.kind == POLYGON:
+            self.offsets = files.reader("offsets", capacity // 16)
+        self.rewind()
+
+    def rewind(self, bint asked=False):
+        """Begin again at the first object.
+
+        Parameters
+        ----------
+        asked : bool
+            Whether what is read is asked for before; otherwise it is read in order.
+        """
+        self.reader.rewind(asked)
+        if self.offsets is not None:
+            self.offsets.rewind(asked)
+        self.at = self.index = self.picking = self.known = 0
+        self.vertex = 0
+        if asked:
+            self.reader.window(0, self.reader.tape.size)
+
+    cpdef int window(self, int64_t first, int64_t last) except -1:
+        """Go forward to object `first`, to read in order up to `last` (exclusive).
+
+        Raises
+        ------
+        StoreError
+            If polygons end where they cannot.
+        """
+        cdef int64_t begin = first, end = last
+        if self.kind == POLYGON:
+            begin, end = self.place(first, last)
+        self.reader.window(begin * self.stride, end * self.stride)
+        self.at = begin
+        self.index = first
+        return 0
+
+    cdef (int64_t, int64_t) place(self, int64_t first, int64_t last) except *:
+        """Go forward to the offset of polygon `first`; returns where those up to `last` begin and
+        end, in vertices."""
+        cdef int64_t begin = self.end_of(first - 1), end = self.end_of(last - 1)
+        if begin > end or end * self.stride > self.reader.tape.size:
+            raise StoreError(
+                f"{self.offsets.tape.path}: objects {first} to {last}: found vertices "
+                f"{begin} to {end}, expected ascending ones that are there"
+            )
+        self.offsets.window(first * OFFSET_BYTES, last * OFFSET_BYTES)
+        self.vertex = <uint32_t>begin
+        return begin, end
+
+    cdef int64_t end_of(self, int64_t index) except -1:
+        """Find where polygon `index` ends, in vertices: one read, beside those in order."""
+        cdef Reader single
+        if index < 0:
+            return 0
+        single = Reader(self.offsets.tape, OFFSET_BYTES)
+        single.window(index * OFFSET_BYTES, (index + 1) * OFFSET_BYTES)
+        return (<const uint32_t*>take(single, OFFSET_BYTES))[0]
+
+    def pick(self, const int64_t[:, ::1] objects):
+        """Go forward to objects, which `pick_record` then gives; their records are asked for.
+
+        Parameters
+        ----------
+        objects : (n, 2) int64
+            Ranges of one each, ascending.
+        """
+        cdef int64_t first = objects[0, 0], last = objects[objects.shape[0] - 1, 1]
+        if self.kind == POLYGON:
+            self.place(first, last)
+            self.index = first
+            self.ranges = self.vertices_of(objects)
+        else:
+            self.ranges = objects
+        prefetch_runs(self.reader, self.ranges, self.stride)
+        self.picking = self.known = 0
+
+    cdef object vertices_of(self, const int64_t[:, ::1] ranges):
+        """Find where polygons begin and end, in vertices."""
+        cdef int64_t[:, ::1] out
+        cdef int64_t k, last, index, known = 0
+        cdef bint far
+        found = np.empty((ranges.shape[0], 2), np.int64)
+        out = found
+        prefetch_runs(self.offsets, ranges, OFFSET_BYTES)
+        for k in range(ranges.shape[0]):
+            index, far = ranges[k, 0], ranges[k, 0] >= known
+            if far:
+                want(self.offsets, self.index * OFFSET_BYTES)
+            if index > self.index:
+                skip(self.offsets, (index - self.index - 1) * OFFSET_BYTES)
+            if far:
+                last = k
+                known = run_end(ranges, &last, self.offsets.gap // OFFSET_BYTES)
+                want(self.offsets, known * OFFSET_BYTES)
+            if index > self.index:
+                self.vertex = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
+            out[k, 0] = self.vertex
+            self.vertex = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
+            out[k, 1] = self.vertex
+            self.index = index + 1
+        return found
+
+    cdef int refuse(self, int64_t vertex) except -1 nogil:
+        """Raise for polygons whose ends do not ascend: the reader would have to go back."""
+        with gil:
+            raise StoreError(
+                f"{self.offsets.tape.path}: before object {self.index}: found a polygon that "
+                f"begins at vertex {vertex}, expected {self.at} or more"
+            )
+
+    def counts(self):
+        """Count the objects whose geometry was read since the last call."""
+        count, self.objects_read = self.objects_read, 0
+        return count

@@ -1,0 +1,37 @@
+"""What one worker reads of one stream: the cursors over its boxes, geometry and materials."""
+
+from libc.stdint cimport int64_t
+
+from bfrt.scan.boxes cimport BoxCursor, next_boxes
+from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
+from bfrt.scan.materials cimport MaterialCursor
+
+
+cdef class StreamScan:
+    cdef readonly BoxCursor boxes
+    cdef readonly GeometryCursor geometry
+    cdef readonly MaterialCursor materials
+    cdef readonly int kind
+    cdef readonly int number
+    cdef readonly bint lazy
+    cdef readonly bint deferred  # whether geometry is read later than boxes, and of few objects
+    cdef bint in_step   # whether it is read with them, of all objects
+    cdef int64_t spheres_read
+
+
+cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
+    """Come to the next objects: boxes, and records where these are read in step; returns n >= 1."""
+    if s.in_step:
+        most = next_records(s.geometry, most)
+    elif not s.lazy:
+        s.spheres_read += min(most, 8)
+    return next_boxes(s.boxes, most)
+
+
+cdef inline const unsigned char* record_in_block(StreamScan s, int i) noexcept nogil:
+    """The record of object i of the block, which stays where it is until the next block. Not of a
+    scan that reads geometry later."""
+    if s.in_step:
+        return s.geometry.block + i * s.geometry.stride
+    s.spheres_read += s.lazy
+    return s.boxes.records + i * s.boxes.bytes

@@ -1,0 +1,74 @@
+"""Scans of streams."""
+
+cimport cython
+from libc.stdint cimport int64_t
+
+from bfrt.records cimport SPHERE
+from bfrt.scan.boxes cimport BoxCursor
+from bfrt.scan.geometry cimport GeometryCursor
+from bfrt.scan.materials cimport MaterialCursor
+
+
+@cython.final
+cdef class StreamScan:
+    """One worker's cursors over a stream.
+
+    Parameters
+    ----------
+    stream : bfrt.store.store.Stream
+        What to read.
+    origin : sequence of 3 float
+        The store's.
+    files : bfrt.scan.files.StreamFiles
+        The open files.
+    outliers : (n,) int64
+        Indices of this stream's outliers, ascending.
+    capacity : int
+        Bytes of a read buffer.
+
+    Attributes
+    ----------
+    boxes, geometry, materials
+        The cursors.
+    lazy : bool
+        Whether only those records are read that are asked for (the paper's refinement G).
+    deferred : bool
+        Whether rays that meet a box wait for the object's geometry: not of spheres, whose box it
+        is.
+    """
+
+    def __cinit__(self, stream, origin, files, const int64_t[::1] outliers, size_t capacity):
+        self.kind = stream.kind
+        self.number = stream.number
+        self.lazy = files.lazy
+        self.deferred = self.lazy and self.kind != SPHERE
+        self.in_step = not self.lazy and self.kind != SPHERE
+        self.boxes = BoxCursor(stream, origin, files, outliers, capacity)
+        self.geometry = GeometryCursor(stream, origin, files, capacity)
+        self.materials = MaterialCursor(stream, files, capacity // 8)
+
+    def rewind(self, bint asked=False):
+        """Begin again at the first object: boxes are read in order, or where that is asked for.
+
+        Where geometry is read later than boxes it is asked for in either case.
+        """
+        self.boxes.rewind(asked)
+        self.geometry.rewind(self.lazy)
+        self.materials.rewind(self.lazy)
+
+    def window(self, int64_t first, int64_t last):
+        """Go forward to object `first`, to read up to `last` (exclusive) in order: boxes, and
+        geometry where it is read with them."""
+        self.boxes.window(first, last)
+        if self.in_step:
+            self.geometry.window(first, last)
+
+    def pick(self, const int64_t[:, ::1] objects):
+        """Go forward to objects, ranges of one each, whose geometry and materials are read."""
+        self.geometry.pick(objects)
+        self.materials.pick(objects)
+
+    def counts(self):
+        """Count the objects whose geometry was read since the last call."""
+        spheres, self.spheres_read = self.spheres_read, 0
+        return spheres + self.geometry.counts()
