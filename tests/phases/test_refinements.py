@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import bfrt
 from bfrt.errors import SettingError, StoreError
 from bfrt.geometry.lattice import Lattice
-from bfrt.phases._selection import Selection
+from bfrt.phases._selection import HierarchyWalk
 from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import ON_REQUEST, PARENT, Kind
 from bfrt.settings import REFINEMENTS
@@ -148,12 +148,13 @@ def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room
     settings = Hierarchy(s=rng.uniform(1, 4), n=3, l=int(rng.integers(1, 5)), t=rng.random())
     with bfrt.SceneWriter(folder / "a.bfrt", hierarchy=settings) as writer:
         writer.spheres(centers, np.float32(0.2))
-    (stream,) = bfrt.open(folder / "a.bfrt").streams
+    (stream,) = bfrt.open(folder / "a.bfrt").store.streams
     shape = tuple(int(k) for k in rng.integers(1, 40, 3))
     lattice = Lattice((-10.0,) * 3, (10.0,) * 3, shape, 1e-6)
     voxels = np.unique(rng.integers(0, np.prod(shape), rng.integers(0, 6)))
-    selection, ranges, found = Selection(stream, 4096), np.empty((room, 2), np.int64), []
-    while k := selection.select(lattice, occupied(shape, voxels), ranges, most):
+    walk, ranges, found = HierarchyWalk(stream, 4096), np.empty((room, 2), np.int64), []
+    walk.begin(lattice, occupied(shape, voxels))
+    while k := walk.choose(ranges, most):
         found.extend(range(a, b) for a, b in ranges[:k].tolist())
     chosen = [i for part in found for i in part]
     assert chosen == sorted(set(chosen)) and set(chosen) <= set(range(n))
@@ -170,7 +171,7 @@ def test_a_hierarchy_that_lies_is_refused(tmp_path):
     bfrt.spd.rings(2).write(tmp_path / "a.bfrt", hierarchy=Hierarchy(s=1.0, n=2, l=3))
     rng = np.random.default_rng(2)
     refused = 0
-    for stream in bfrt.open(tmp_path / "a.bfrt").streams:
+    for stream in bfrt.open(tmp_path / "a.bfrt").store.streams:
         for number in range(1, len(stream.levels) + 1):
             path = stream.path(f"level{number}")
             whole = np.fromfile(path, PARENT)
