@@ -6,70 +6,59 @@ from numpy.typing import NDArray
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
 from bfrt.phases.outliers import Outliers
+from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
 
-def admit(
-    queued: NDArray[Any],
-    rays: NDArray[Any],
-    paths: NDArray[Any],
-    base: int,
-    first: int,
-    last: int,
-    lattice: Lattice,
-    outliers: Outliers | None,
-) -> tuple[int, int, int]: ...
-def admit_again(
-    partial: NDArray[Any],
-    rays: NDArray[Any],
-    paths: NDArray[Any],
-    base: int,
-    first: int,
-    last: int,
-    lattice: Lattice,
-    outliers: Outliers | None,
-) -> tuple[int, int, int]: ...
-def arrange(
-    rays: NDArray[Any],
-    first: int,
-    lattice: Lattice,
-    slab_of_layer: NDArray[np.int32],
-    starts: NDArray[np.int64],
-    order: NDArray[np.uint32],
-) -> None: ...
-def walk(
-    rays: NDArray[Any],
-    order: NDArray[np.uint32],
-    first: int,
-    last: int,
-    lattice: Lattice,
-    slab: int,
-    bricks: NDArray[np.uint8],
-    first_brick: int,
-    table: NDArray[np.int32],
-    slab_of_layer: NDArray[np.int32],
-    left: NDArray[np.uint32],
-    voxel_rays: VoxelRays,
-    slots: NDArray[np.uint64],
-    used: NDArray[np.int64],
-) -> tuple[int, int, int]: ...
-def close_up(
-    order: NDArray[np.uint32], firsts: NDArray[np.int64], counts: NDArray[np.int64], end: int
-) -> int: ...
-def settle(
-    rays: NDArray[Any],
-    paths: NDArray[Any],
-    first: int,
-    last: int,
-    lattice: Lattice,
-    film: Film | None,
-    background: NDArray[np.float64],
-    hits: NDArray[Any],
-    last_group: bool = True,
-) -> tuple[int, int, int]: ...
-def close_ranks(
-    rays: NDArray[Any],
-    paths: NDArray[Any],
-    base: int,
-    firsts: NDArray[np.int64],
-    counts: NDArray[np.int64],
-) -> int: ...
+RAY_WORDS: int
+
+class RayPool:
+    active: int
+    capacity: int
+    def __init__(self, capacity: int, candidates: int) -> None: ...
+    @property
+    def in_flight(self) -> NDArray[Any]: ...
+    @property
+    def all(self) -> tuple[NDArray[Any], NDArray[Any]]: ...
+    @property
+    def room(self) -> NDArray[np.uint64]: ...
+    @property
+    def stored(self) -> int: ...
+    def enter_grid(self) -> None: ...
+    def come(self, n: int) -> None: ...
+    def admit(
+        self,
+        queued: NDArray[Any],
+        first: int,
+        last: int,
+        lattice: Lattice,
+        outliers: Outliers | None,
+    ) -> tuple[int, int, int]: ...
+    def admit_again(
+        self,
+        partial: NDArray[Any],
+        first: int,
+        last: int,
+        lattice: Lattice,
+        outliers: Outliers | None,
+    ) -> tuple[int, int, int]: ...
+    def begin_walk(self, base: int, each: int) -> None: ...
+    def keep_order(self) -> None: ...
+    def arrange(self, first: int, slabs: Slabs, starts: NDArray[np.int64]) -> None: ...
+    def walk(
+        self, first: int, last: int, slabs: Slabs, voxel_rays: VoxelRays
+    ) -> tuple[int, int, int]: ...
+    def close_up(
+        self, firsts: NDArray[np.int64], counts: NDArray[np.int64], end: int
+    ) -> int: ...
+    def settle(
+        self,
+        first: int,
+        last: int,
+        lattice: Lattice,
+        film: Film | None,
+        background: NDArray[np.float64],
+        hits: NDArray[Any],
+    ) -> tuple[int, int, int]: ...
+    def compact(
+        self, base: int, firsts: NDArray[np.int64], counts: NDArray[np.int64]
+    ) -> None: ...

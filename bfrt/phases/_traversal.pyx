@@ -1,5 +1,6 @@
 """The walks: a ray's candidate voxels, and the sentinel where its next pass begins."""
 
+cimport cython
 from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memmove
@@ -13,9 +14,14 @@ from bfrt.geometry.vector cimport Line
 from bfrt.image.film cimport Film, film_add
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.phases.outliers cimport Outliers, meet_outliers
+from bfrt.phases.slabs cimport Slab, Slabs, brick_at, mark_at
 from bfrt.phases.voxel_rays cimport VoxelRays, entry_of, voxel_of
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
 from bfrt.streams.atomic cimport atomic_fetch_add
+
+import numpy as np
+
+from bfrt.records import CANDIDATE_BYTES, PATH, RAY, RAY_BYTES
 
 cdef extern from *:
     """
@@ -32,19 +38,11 @@ cdef enum:
 cdef enum:
     NO_SLAB = 1 << 30  # farther than any
 
+#: A ray's memory, in candidates'.
+RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
+
 cdef enum:
     GATHERED = 128  # candidates that a thread puts into memory together
-
-# The slab that is in memory, and where the bricks of all are.
-cdef struct Slab:
-    int number
-    const int32_t* table   # where each brick is, of the whole grid
-    int64_t stride[3]      # of a brick in the table, an axis
-    int shift[3]           # of a voxel in its brick, an axis
-    int axis
-    const int32_t* slab_of  # the slab of each layer of bricks
-    const uint8_t* bricks
-    int64_t first_brick    # the number of the first of them
 
 # Candidates on their way from one thread into memory that all share.
 cdef struct Outgoing:
@@ -65,22 +63,6 @@ cdef inline void put(Outgoing* out, uint64_t entry) noexcept nogil:
     out.n += 1
     if out.n == GATHERED:
         flush(out)
-
-
-cdef inline int32_t brick_at(const Slab* s, const int* at) noexcept nogil:
-    """Where the brick of a voxel is, or EMPTY_BRICK, or EMPTY_CUBE."""
-    return s.table[
-        (at[0] >> BRICK_SHIFT) * s.stride[0] + (at[1] >> BRICK_SHIFT) * s.stride[1]
-        + (at[2] >> BRICK_SHIFT) * s.stride[2]
-    ]
-
-
-cdef inline uint8_t mark_at(const Slab* s, int64_t brick, const int* at) noexcept nogil:
-    """The marks of a voxel of a brick."""
-    return s.bricks[
-        (brick - s.first_brick) * BRICK_BYTES + ((at[0] & (BRICK - 1)) << s.shift[0])
-        + ((at[1] & (BRICK - 1)) << s.shift[1]) + ((at[2] & (BRICK - 1)) << s.shift[2])
-    ]
 
 
 cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
@@ -119,119 +101,20 @@ cdef inline void come_in(Ray* r, Lattice lattice, Outliers outliers, int64_t* bo
         r.face = <uint8_t>w.face
 
 
-def admit(const Queued[::1] queued, Ray[::1] rays, Path[::1] paths, int64_t base,
-          int64_t first, int64_t last, Lattice lattice, Outliers outliers):
-    """Bring queued rays to where they first meet the grid.
-
-    Parameters
-    ----------
-    queued : (n,) records.QUEUED
-        IN.
-    rays, paths : (capacity,) records.RAY, records.PATH
-        OUT from `base` on, ray for ray. Where a ray does not meet the grid, voxel is NOWHERE.
-    first, last : int
-        The part of `queued` to do.
-    outliers : Outliers or None
-        None where all hits are wanted, which `cross_outliers` finds.
-
-    Returns
-    -------
-    box_tests, object_tests, bad : int
-        Counts; bad rays are NaN, infinite or without direction.
-    """
-    cdef int64_t i, box_tests = 0, object_tests = 0, bad = 0
-    cdef const Queued* q
-    cdef Ray* r
-    with nogil:
-        for i in range(first, last):
-            q, r = &queued[i], &rays[base + i]
-            take_over(r, &paths[base + i], &q.ox, &q.pixel)
-            begin(r, LIGHT if q.kind == SHADOW else INFINITY, NO_HIT, q.kind)
-            if ray_bad(r):
-                bad += 1
-            else:
-                come_in(r, lattice, outliers, &box_tests, &object_tests)
-    return box_tests, object_tests, bad
+cdef inline int slab_of(const Slab* s, const Ray* r) noexcept nogil:
+    """The slab that a ray's voxel is in."""
+    return s.slab_of[r.voxel // <uint32_t>s.grid.stride[s.axis] >> BRICK_SHIFT]
 
 
-def admit_again(const Hit[::1] partial, Ray[::1] rays, Path[::1] paths, int64_t base,
-                int64_t first, int64_t last, Lattice lattice, Outliers outliers):
-    """Bring rays that have been through other groups to where they first meet this one's grid.
-
-    Parameters
-    ----------
-    partial : (n,) records.HIT
-        IN. Rays, with the nearest hit so far: t is where a ray ends where it has none.
-    rays, paths, base, first, last
-        As for `admit`, and what is returned.
-    """
-    cdef int64_t i, box_tests = 0, object_tests = 0
-    cdef const Hit* h
-    cdef Ray* r
-    with nogil:
-        for i in range(first, last):
-            h, r = &partial[i], &rays[base + i]
-            take_over(r, &paths[base + i], &h.ox, &h.pixel)
-            begin(r, h.t, h.id, h.kind)
-            if not ray_bad(r):  # which has been counted
-                come_in(r, lattice, outliers, &box_tests, &object_tests)
-    return box_tests, object_tests, 0
-
-
-cdef inline int slab_of(const Grid* g, const Ray* r, const int32_t* slabs) noexcept nogil:
-    return slabs[r.voxel // <uint32_t>g.stride[g.order[2]] >> BRICK_SHIFT]
-
-
-cdef inline bint descends(const Grid* g, const Ray* r) noexcept nogil:
+cdef inline bint descends(const Slab* s, const Ray* r) noexcept nogil:
     """Whether a ray goes through the slabs from the last to the first."""
-    return (&r.dx)[g.order[2]] < 0.0
+    return (&r.dx)[s.axis] < 0.0
 
 
-cdef inline int part_of(const Grid* g, const Ray* r, const int32_t* layers,
-                        int slabs) noexcept nogil:
+cdef inline int part_of(const Slab* s, const Ray* r, int slabs) noexcept nogil:
     """Where a ray is in the order of its way through the slabs: up first, then down."""
-    cdef int slab = slab_of(g, r, layers)
-    return 2 * slabs - 1 - slab if descends(g, r) else slab
-
-
-def arrange(const Ray[::1] rays, int64_t first, Lattice lattice, const int32_t[::1] slab_of_layer,
-            int64_t[::1] starts, uint32_t[::1] order):
-    """Put rays into the slabs where their walks are (the paper's figure 4).
-
-    Parameters
-    ----------
-    rays : (n,) records.RAY
-        IN.
-    first : int
-        The rays before it are left out.
-    slab_of_layer : (layers of bricks,) int32
-        IN.
-    starts : (2 slabs + 1,) int64
-        OUT. Where each part of `order` begins: rays that ascend, slab by slab, then those that
-        descend, from the last slab to the first.
-    order : (n,) uint32
-        OUT. The rays' numbers.
-    """
-    cdef int64_t i, total
-    cdef int slabs = <int>(starts.shape[0] // 2), part
-    cdef const int32_t* layers = &slab_of_layer[0]
-    with nogil:
-        starts[:] = 0
-        for i in range(first, rays.shape[0]):
-            if rays[i].voxel != NOWHERE:
-                starts[part_of(&lattice.grid, &rays[i], layers, slabs) + 1] += 1
-        for part in range(2 * slabs):
-            starts[part + 1] += starts[part]
-        total = starts[2 * slabs]
-        for i in range(rays.shape[0] - 1, first - 1, -1):
-            if rays[i].voxel != NOWHERE:
-                part = part_of(&lattice.grid, &rays[i], layers, slabs)
-                starts[part + 1] -= 1
-                order[starts[part + 1]] = <uint32_t>i
-        # Each start has sunk to the one before it.
-        for part in range(2 * slabs):
-            starts[part] = starts[part + 1]
-        starts[2 * slabs] = total
+    cdef int slab = slab_of(s, r)
+    return 2 * slabs - 1 - slab if descends(s, r) else slab
 
 
 cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* left, VoxelRays v,
@@ -271,89 +154,6 @@ cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* le
             return steps
 
 
-def walk(Ray[::1] rays, uint32_t[::1] order, int64_t first, int64_t last, Lattice lattice, int slab,
-         const uint8_t[:, ::1] bricks, int64_t first_brick, const int32_t[:, :, ::1] table,
-         const int32_t[::1] slab_of_layer, uint32_t[::1] left, VoxelRays voxel_rays,
-         uint64_t[::1] slots, int64_t[::1] used):
-    """Walk rays through one slab: the candidates of this pass, and the sentinel.
-
-    Parameters
-    ----------
-    rays : (n,) records.RAY
-        IN, OUT. (voxel, face) is where a ray is; afterwards the first candidate of the next pass,
-        or where it comes into another slab, or voxel is NOWHERE.
-    order : (n,) uint32
-        IN, OUT. Which rays, in [first, last); afterwards, from first on, those that go on to
-        another slab.
-    slab : int
-        The slab's number.
-    bricks : (n, 512) uint8
-        IN. Its bricks, of which the first has the number `first_brick`.
-    table : (layers, rows, row) int32
-        IN. Where each brick is.
-    slab_of_layer : (layers,) int32
-        IN.
-    left : (n,) uint32
-        IN, OUT. Candidates that each ray may still take in this pass.
-    slots : (capacity,) uint64
-        OUT, from used[0] on: candidates.
-    used : (1,) int64
-        IN, OUT. Threads share it.
-
-    Returns
-    -------
-    leaving, nearest, steps : int
-        Rays that go on to another slab; how many slabs on the nearest of those is; voxels stepped
-        to.
-    """
-    cdef const Grid* g = &lattice.grid
-    cdef Slab s
-    cdef Outgoing out
-    cdef Walk w
-    cdef Line line
-    cdef Ray* r
-    cdef int64_t i, stride = 1, leaving = first, steps = 0
-    cdef int k, nearest = NO_SLAB
-    cdef uint32_t ray
-    s.number, s.axis = slab, g.order[2]
-    s.table, s.slab_of = &table[0, 0, 0], &slab_of_layer[0]
-    s.bricks, s.first_brick = &bricks[0, 0], first_brick
-    for k in range(3):
-        s.stride[g.order[k]] = stride
-        s.shift[g.order[k]] = k * BRICK_SHIFT
-        stride *= table.shape[2 - k]
-    out.n, out.slots, out.used = 0, &slots[0], &used[0]
-    with nogil:
-        for i in range(first, last):
-            ray = order[i]
-            r = &rays[ray]
-            if r.voxel == NOWHERE:
-                continue
-            if slab_of(g, r, s.slab_of) == slab:
-                line = ray_line(r)
-                walk_resume(&w, g, &line, r.voxel, r.face)
-                steps += walk_ray(&s, &w, r, ray, &left[ray], voxel_rays, &out)
-                if r.voxel == NOWHERE or slab_of(g, r, s.slab_of) == slab:
-                    continue
-            order[leaving] = ray
-            leaving += 1
-            nearest = min(nearest, abs(slab_of(g, r, s.slab_of) - slab))
-        flush(&out)
-    return leaving - first, nearest, steps
-
-
-def close_up(uint32_t[::1] order, const int64_t[::1] firsts, const int64_t[::1] counts,
-             int64_t end):
-    """Move the parts (firsts, counts), ascending, together so that they end at `end`; returns
-    where they begin."""
-    cdef int64_t i
-    with nogil:
-        for i in range(firsts.shape[0] - 1, -1, -1):
-            end -= counts[i]
-            memmove(&order[end], &order[firsts[i]], counts[i] * sizeof(uint32_t))
-    return end
-
-
 cdef inline bint complete(const Ray* r, Lattice lattice) noexcept nogil:
     """No sentinel, or a hit that is nearer: strictly, so that objects that tie are all met."""
     cdef Line line
@@ -385,49 +185,274 @@ cdef inline void finish_miss(const Ray* r, const Path* p, Film film,
         )
 
 
-def settle(Ray[::1] rays, Path[::1] paths, int64_t first, int64_t last, Lattice lattice,
-           Film film, const double[::1] background, Hit[::1] hits, bint shaded=True):
-    """Let complete rays of a part go, and close its ranks.
+@cython.final
+cdef class RayPool:
+    """The memory of rays in flight, and the loops over them.
+
+    ::
+
+        RAY RAY RAY ...|                     candidates |
+            active rays                                    the fewer there are, the more each gets
 
     Parameters
     ----------
-    rays, paths : (capacity,)
-        IN, OUT: those of [first, last) that stay are at its front.
-    hits : (last - first or more,) records.HIT
-        OUT: intersections that are to be shaded; where they are not, all rays, with the nearest
-        hit so far. Shadow rays that have met something end anyway.
+    capacity : int
+        Rays at the most. All memory is taken here, and touched as rays come.
+    candidates : int
+        Of all rays, when there are so many.
 
-    Returns
-    -------
-    kept, n, eye_hits : int
-        Rays that stay; those written; of them eye rays.
+    Attributes
+    ----------
+    active : int
+        Rays in flight: those at the front.
     """
-    cdef int64_t i, kept = first, n = 0, eye_hits = 0
-    cdef Ray* r
-    with nogil:
-        for i in range(first, last):
-            r = &rays[i]
-            if not complete(r, lattice):
-                if kept != i:
-                    rays[kept] = r[0]
-                    paths[kept] = paths[i]
-                kept += 1
-            elif shaded and r.id == NO_HIT:
-                finish_miss(r, &paths[i], film, &background[0])
-            elif r.kind != SHADOW or r.id == NO_HIT:
-                finish_hit(r, &paths[i], &hits[n])
-                n += 1
-                eye_hits += r.kind == EYE
-    return kept - first, n, eye_hits
 
+    cdef readonly int64_t active
+    cdef readonly int64_t capacity
+    cdef object memory
+    cdef object records
+    cdef object path_records
+    cdef Ray[::1] rays
+    cdef Path[::1] paths
+    cdef uint32_t[::1] order  # which rays, slab by slab
+    cdef uint32_t[::1] left   # candidates that each may still take in a pass
+    cdef uint64_t[::1] slots
+    cdef int64_t used         # of them, in a pass; threads share it
+    cdef int64_t ordered      # so many of `order` are as the rays are
 
-def close_ranks(Ray[::1] rays, Path[::1] paths, int64_t base, const int64_t[::1] firsts,
-                const int64_t[::1] counts):
-    """Move the parts (firsts, counts), ascending, together to `base`; returns where they end."""
-    cdef int64_t i, end = base
-    with nogil:
-        for i in range(firsts.shape[0]):
-            memmove(&rays[end], &rays[firsts[i]], counts[i] * sizeof(Ray))
-            memmove(&paths[end], &paths[firsts[i]], counts[i] * sizeof(Path))
-            end += counts[i]
-    return end
+    def __cinit__(self, int64_t capacity, int64_t candidates):
+        cdef int64_t words = capacity * RAY_WORDS
+        self.capacity = capacity
+        self.memory = self.slots = np.empty(words + candidates, np.uint64)
+        self.records = self.rays = self.memory[:words].view(RAY)
+        self.path_records = self.paths = np.empty(capacity, PATH)
+        self.order = np.empty(capacity, np.uint32)
+        self.left = np.empty(capacity, np.uint32)
+
+    @property
+    def in_flight(self):
+        """The active rays, (active,) of records.RAY: the same memory."""
+        return self.records[:self.active]
+
+    @property
+    def all(self):
+        """All of the memory: (capacity,) of records.RAY, and of records.PATH."""
+        return self.records, self.path_records
+
+    @property
+    def room(self):
+        """What active rays leave of the memory: (n,) uint64, room for candidates."""
+        return self.memory[self.active * RAY_WORDS:]
+
+    def enter_grid(self):
+        """Come into another grid, with no ray yet."""
+        self.ordered = 0
+
+    def come(self, int64_t n):
+        """Know that so many rays have been admitted behind the active ones."""
+        self.active += n
+
+    def admit(self, const Queued[::1] queued, int64_t first, int64_t last, Lattice lattice,
+              Outliers outliers):
+        """Bring queued rays, behind the active ones, to where they first meet the grid.
+
+        Where a ray does not meet it, its voxel is NOWHERE.
+
+        Parameters
+        ----------
+        queued : (n,) records.QUEUED
+            IN.
+        first, last : int
+            The part of `queued` to do.
+        outliers : Outliers or None
+            None where all hits are wanted, which `cross_outliers` finds.
+
+        Returns
+        -------
+        box_tests, object_tests, bad : int
+            Counts; bad rays are NaN, infinite or without direction.
+        """
+        cdef int64_t i, box_tests = 0, object_tests = 0, bad = 0
+        cdef const Queued* q
+        cdef Ray* r
+        with nogil:
+            for i in range(first, last):
+                q, r = &queued[i], &self.rays[self.active + i]
+                take_over(r, &self.paths[self.active + i], &q.ox, &q.pixel)
+                begin(r, LIGHT if q.kind == SHADOW else INFINITY, NO_HIT, q.kind)
+                if ray_bad(r):
+                    bad += 1
+                else:
+                    come_in(r, lattice, outliers, &box_tests, &object_tests)
+        return box_tests, object_tests, bad
+
+    def admit_again(self, const Hit[::1] partial, int64_t first, int64_t last, Lattice lattice,
+                    Outliers outliers):
+        """Bring rays that have been through other groups to where they first meet this one's grid.
+
+        Parameters
+        ----------
+        partial : (n,) records.HIT
+            IN. Rays, with the nearest hit so far: t is where a ray ends where it has none.
+        first, last, outliers
+            As for `admit`, and what is returned.
+        """
+        cdef int64_t i, box_tests = 0, object_tests = 0
+        cdef const Hit* h
+        cdef Ray* r
+        with nogil:
+            for i in range(first, last):
+                h, r = &partial[i], &self.rays[self.active + i]
+                take_over(r, &self.paths[self.active + i], &h.ox, &h.pixel)
+                begin(r, h.t, h.id, h.kind)
+                if not ray_bad(r):  # which has been counted
+                    come_in(r, lattice, outliers, &box_tests, &object_tests)
+        return box_tests, object_tests, 0
+
+    def begin_walk(self, int64_t base, uint32_t each):
+        """Begin to walk rays from `base` on, each to so many candidates."""
+        self.slots = self.room
+        self.left[base:self.active] = each
+        self.used = 0
+
+    @property
+    def stored(self):
+        """Candidates found since `begin_walk`."""
+        return self.used
+
+    def keep_order(self):
+        """Order the active rays as they are, which is how a single slab walks them."""
+        cdef int64_t i
+        for i in range(self.ordered, self.active):
+            self.order[i] = <uint32_t>i
+        self.ordered = max(self.ordered, self.active)
+
+    def arrange(self, int64_t first, Slabs slabs, int64_t[::1] starts):
+        """Put rays into the slabs where their walks are (the paper's figure 4).
+
+        Parameters
+        ----------
+        first : int
+            The rays before it are left out.
+        starts : (2 slabs + 1,) int64
+            OUT. Where each part of the order begins: rays that ascend, slab by slab, then those
+            that descend, from the last slab to the first.
+        """
+        cdef int64_t i, total
+        cdef int part, count = slabs.count
+        cdef const Slab* s = &slabs.slab
+        with nogil:
+            starts[:] = 0
+            for i in range(first, self.active):
+                if self.rays[i].voxel != NOWHERE:
+                    starts[part_of(s, &self.rays[i], count) + 1] += 1
+            for part in range(2 * count):
+                starts[part + 1] += starts[part]
+            total = starts[2 * count]
+            for i in range(self.active - 1, first - 1, -1):
+                if self.rays[i].voxel != NOWHERE:
+                    part = part_of(s, &self.rays[i], count)
+                    starts[part + 1] -= 1
+                    self.order[starts[part + 1]] = <uint32_t>i
+            # Each start has sunk to the one before it.
+            for part in range(2 * count):
+                starts[part] = starts[part + 1]
+            starts[2 * count] = total
+
+    def walk(self, int64_t first, int64_t last, Slabs slabs, VoxelRays voxel_rays):
+        """Walk the rays [first, last) of the order through the slab that is in memory.
+
+        Candidates go to the room behind the active rays. Where a ray is, (voxel, face), is
+        afterwards the first candidate of the next pass, or where it comes into another slab, or
+        the voxel is NOWHERE. Those that go on to another slab are, from `first` on, in the order.
+
+        Returns
+        -------
+        leaving, nearest, steps : int
+            Rays that go on to another slab; how many slabs on the nearest of those is; voxels
+            stepped to.
+        """
+        cdef const Slab* s = &slabs.slab
+        cdef Outgoing out
+        cdef Walk w
+        cdef Line line
+        cdef Ray* r
+        cdef int64_t i, leaving = first, steps = 0
+        cdef int nearest = NO_SLAB
+        cdef uint32_t ray
+        out.n, out.slots, out.used = 0, &self.slots[0], &self.used
+        with nogil:
+            for i in range(first, last):
+                ray = self.order[i]
+                r = &self.rays[ray]
+                if r.voxel == NOWHERE:
+                    continue
+                if slab_of(s, r) == s.number:
+                    line = ray_line(r)
+                    walk_resume(&w, s.grid, &line, r.voxel, r.face)
+                    steps += walk_ray(s, &w, r, ray, &self.left[ray], voxel_rays, &out)
+                    if r.voxel == NOWHERE or slab_of(s, r) == s.number:
+                        continue
+                self.order[leaving] = ray
+                leaving += 1
+                nearest = min(nearest, abs(slab_of(s, r) - s.number))
+            flush(&out)
+        return leaving - first, nearest, steps
+
+    def close_up(self, const int64_t[::1] firsts, const int64_t[::1] counts, int64_t end):
+        """Move parts of the order, ascending, together so that they end at `end`; return where they
+        begin."""
+        cdef int64_t i
+        with nogil:
+            for i in range(firsts.shape[0] - 1, -1, -1):
+                end -= counts[i]
+                memmove(&self.order[end], &self.order[firsts[i]], counts[i] * sizeof(uint32_t))
+        return end
+
+    def settle(self, int64_t first, int64_t last, Lattice lattice, Film film,
+               const double[::1] background, Hit[::1] hits):
+        """Let complete rays of a part go, and close its ranks.
+
+        Parameters
+        ----------
+        first, last : int
+            Of the rays: those that stay are at the part's front afterwards.
+        film : Film or None
+            With one, rays that met nothing bring their light, or the background, to it.
+        hits : (last - first or more,) records.HIT
+            OUT: intersections that are to be shaded; without a film all rays, with the nearest hit
+            so far. Shadow rays that have met something end anyway.
+
+        Returns
+        -------
+        kept, n, eye_hits : int
+            Rays that stay; those written; of them eye rays.
+        """
+        cdef int64_t i, kept = first, n = 0, eye_hits = 0
+        cdef bint shaded = film is not None
+        cdef Ray* r
+        with nogil:
+            for i in range(first, last):
+                r = &self.rays[i]
+                if not complete(r, lattice):
+                    if kept != i:
+                        self.rays[kept] = r[0]
+                        self.paths[kept] = self.paths[i]
+                    kept += 1
+                elif shaded and r.id == NO_HIT:
+                    finish_miss(r, &self.paths[i], film, &background[0])
+                elif r.kind != SHADOW or r.id == NO_HIT:
+                    finish_hit(r, &self.paths[i], &hits[n])
+                    n += 1
+                    eye_hits += r.kind == EYE
+        return kept - first, n, eye_hits
+
+    def compact(self, int64_t base, const int64_t[::1] firsts, const int64_t[::1] counts):
+        """Move parts of the rays, ascending, together to `base`: behind them none is active."""
+        cdef int64_t i, end = base
+        with nogil:
+            for i in range(firsts.shape[0]):
+                memmove(&self.rays[end], &self.rays[firsts[i]], counts[i] * sizeof(Ray))
+                memmove(&self.paths[end], &self.paths[firsts[i]], counts[i] * sizeof(Path))
+                end += counts[i]
+        self.active = end

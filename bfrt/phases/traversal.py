@@ -14,21 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.image.film import Film
-from bfrt.phases._traversal import (
-    admit,
-    admit_again,
-    arrange,
-    close_ranks,
-    close_up,
-    settle,
-    walk,
-)
+from bfrt.phases._traversal import RayPool
 from bfrt.phases._intersection import Intersector
 from bfrt.phases.crossings import Crossings
 from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.records import CANDIDATE_BYTES, HIT, PATH, PATH_BYTES, RAY, RAY_BYTES
+from bfrt.records import CANDIDATE_BYTES, HIT, PATH_BYTES, RAY_BYTES
 from bfrt.stats import Counters
 from bfrt.workers import Workers
 
@@ -62,9 +54,6 @@ CANDIDATES_A_RAY = 4
 #: In flight: the ray, what it is for, its place in its slab, what it may still take, and its
 #: candidates.
 FLYING_BYTES = RAY_BYTES + PATH_BYTES + 4 + 4 + CANDIDATES_A_RAY * CANDIDATE_BYTES
-
-#: A ray's memory, in candidates'.
-RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
 
 #: Rays that a thread looks at together for whether they are complete.
 SETTLED = 8192
@@ -139,12 +128,7 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
 
 
 class Flight:
-    """Rays in flight: what is in memory.
-
-    ::
-
-        RAY RAY RAY ...|                     candidates |
-            active rays                                    the fewer there are, the more each gets
+    """Rays in flight: what is in memory, and where it goes.
 
     Parameters
     ----------
@@ -152,96 +136,85 @@ class Flight:
         Rays at the most. All memory is taken here.
     candidates : int
         Of all rays, when there are so many.
+    workers : Workers
 
     Attributes
     ----------
+    pool : RayPool
+        The memory.
+    bad : int
+        Rays so far that were NaN, infinite or without direction.
     crossings : Crossings, optional
         What takes all hits of each ray, where not only the nearest is wanted.
     """
 
     def __init__(self, capacity: int, candidates: int, workers: Workers) -> None:
+        self.pool = RayPool(capacity, candidates)
         self.crossings: Crossings | None = None
-        self.active = 0
         self.bad = 0
         self._least = FIRST_QUOTA
         self._workers = workers
-        rays = capacity * RAY_WORDS
-        self._memory = np.empty(rays + candidates, np.uint64)
-        self._rays = self._memory[:rays].view(RAY)
-        self._paths = np.empty(capacity, PATH)
-        self._order = np.empty(capacity, np.uint32)
-        self._left = np.empty(capacity, np.uint32)
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
 
     def begin(self, crossings: Crossings | None) -> None:
         """Begin with a queue of rays, whose nearest hits are wanted, or all."""
         self.crossings = crossings
         if crossings is not None:
-            crossings.fly(self._rays, self._paths)
+            crossings.fly(*self.pool.all)
 
     def enter(self, ground: Ground) -> None:
         """Come into a group's grid, with no ray yet."""
         self.lattice = ground.slabs.lattice
         self._slabs, self.voxel_rays, self._outliers = ground
         self._starts = np.empty(2 * ground.slabs.count + 1, np.int64)
-        self._ordered = 0
+        self.pool.enter_grid()
 
     def hand(self, intersector: Intersector) -> None:
         """Give the active rays to a worker's intersection loop, for a pass."""
-        intersector.begin(self.rays, *(() if self.crossings is None else self.crossings.buffer()))
+        found = () if self.crossings is None else self.crossings.buffer()
+        intersector.begin(self.pool.in_flight, *found)
 
     @property
-    def rays(self) -> NDArray[Any]:
-        """The active rays, records.RAY."""
-        return self._rays[: self.active]
-
-    @property
-    def _slots(self) -> NDArray[np.uint64]:
-        """What active rays leave of the memory: room for candidates."""
-        return self._memory[self.active * RAY_WORDS :]
+    def active(self) -> int:
+        """How many rays are in flight."""
+        return self.pool.active
 
     def admit(self, queue: Queue, ends: Ends, counters: Counters) -> int:
         """Fill memory from the queue; rays without a candidate are finished, and counted here."""
-        finished = 0
+        pool, finished = self.pool, 0
         if len(queue):
             self._least = FIRST_QUOTA
         several = self._slabs.count > 1
-        while len(queue) and self.active < len(self._rays):
-            base = self.active
+        while len(queue) and pool.active < pool.capacity:
+            base = pool.active
             self._enter(queue, counters)
-            while several and len(queue) and self.active < len(self._rays):
+            while several and len(queue) and pool.active < pool.capacity:
                 self._enter(queue, counters)
             self._walk(base, 0, counters)
             finished += self.settle(ends, counters, base)
-            if several and self.active > FULL * len(self._rays):
+            if several and pool.active > FULL * pool.capacity:
                 break
         return finished
 
     def _enter(self, queue: Queue, counters: Counters) -> None:
         """Take rays from the queue, to where they first meet the grid."""
-        base = self.active
-        rays = queue.read(min(ADMITTED, len(self._rays) - base))
-        come = admit_again if rays.dtype == HIT else admit
+        pool = self.pool
+        rays = queue.read(min(ADMITTED, pool.capacity - pool.active))
+        come = pool.admit_again if rays.dtype == HIT else pool.admit
         tallies: list[tuple[int, int, int]] = []
         outliers = self._outliers if self.crossings is None else None
 
         def chunk(_: int, first: int, last: int) -> None:
-            tallies.append(
-                come(rays, self._rays, self._paths, base, first, last, self.lattice, outliers)
-            )
+            tallies.append(come(rays, first, last, self.lattice, outliers))
             if self.crossings is not None:
                 tests = cross_outliers(
-                    self._outliers,
-                    self._rays,
-                    base + first,
-                    base + last,
-                    self.lattice.grow,
-                    *self.crossings.buffer(),
-                )
+                    self._outliers, pool.all[0], pool.active + first, pool.active + last,
+                    self.lattice.grow, *self.crossings.buffer(),
+                )  # fmt: skip
                 tallies.append((*tests, 0))
 
         self._workers.run(chunk, len(rays), smallest=FEWEST)
-        self.active += len(rays)
+        pool.come(len(rays))
         for box_tests, object_tests, bad in tallies:
             counters.box_tests += box_tests
             counters.object_tests += object_tests
@@ -257,109 +230,73 @@ class Flight:
         selective : bool
             Whether it reads only what is near candidates.
         """
-        slots = self._slots
-        each = quota(self._least, read, self.active, len(slots), selective=selective)
+        room = self.pool.room
+        each = quota(self._least, read, self.active, len(room), selective=selective)
         self._least = 2 * each
-        self.voxel_rays.sort(slots, self._walk(0, each, counters), self._workers)
+        self._walk(0, each, counters)
+        self.voxel_rays.sort(room, self.pool.stored, self._workers)
 
-    def _walk(self, base: int, each: int, counters: Counters) -> int:
-        """Walk rays, from `base` on, to their sentinels; returns the candidates found."""
-        slabs, starts, order = self._slabs, self._starts, self._order
+    def _walk(self, base: int, each: int, counters: Counters) -> None:
+        """Walk rays, from `base` on, to their sentinels, by way of so many candidates each."""
+        pool, slabs, starts = self.pool, self._slabs, self._starts
         if slabs.count == 1:
-            self._order_as_they_are()
-            starts[:] = base, self.active, self.active
+            pool.keep_order()
+            starts[:] = base, pool.active, pool.active
         else:
-            arrange(self.rays, base, self.lattice, slabs.slab_of, starts, order)
-        self._left[base : self.active] = each
-        used = np.zeros(1, np.int64)
+            pool.arrange(base, slabs, starts)
+        pool.begin_walk(base, each)
         carried = nearest = 0
         for part in range(2 * slabs.count):
             begin, end = int(starts[part]) - carried, int(starts[part + 1])
             if begin + carried < end or (carried and nearest == part):
                 slab = part if part < slabs.count else 2 * slabs.count - 1 - part
-                carried, distance = self._walk_slab(slab, begin, end, used, counters)
+                carried, distance = self._walk_slab(slab, begin, end, counters)
                 nearest = part + distance
-        counters.phases.traversal.bytes_read += slabs.bytes_read
-        slabs.bytes_read = 0
-        return int(used[0])
+        counters.phases.traversal.bytes_read += slabs.counts()
 
-    def _order_as_they_are(self) -> None:
-        """Order the active rays for a single slab, which keeps this: no more of the memory is
-        touched than there are rays."""
-        if self._ordered < self.active:
-            self._order[self._ordered : self.active] = np.arange(
-                self._ordered, self.active, dtype=np.uint32
-            )
-            self._ordered = self.active
-
-    def _walk_slab(
-        self, slab: int, begin: int, end: int, used: NDArray[np.int64], counters: Counters
-    ) -> tuple[int, int]:
+    def _walk_slab(self, slab: int, begin: int, end: int, counters: Counters) -> tuple[int, int]:
         """Walk the rays of a slab; those that go on are brought to the end of its part of the
-        order. Returns how many they are, and how many slabs on the nearest of those is."""
-        slabs, slots = self._slabs, self._slots
-        bricks, first_brick = slabs.load(slab)
+        order. Return how many they are, and how many slabs on the nearest of those is."""
+        pool, slabs = self.pool, self._slabs
+        slabs.load(slab)
         parts: list[tuple[int, int]] = []
         tallies: list[tuple[int, int]] = []
 
         def chunk(_: int, first: int, last: int) -> None:
-            leaving, nearest, steps = walk(
-                self._rays,
-                self._order,
-                begin + first,
-                begin + last,
-                self.lattice,
-                slab,
-                bricks,
-                first_brick,
-                slabs.table,
-                slabs.slab_of,
-                self._left,
-                self.voxel_rays,
-                slots,
-                used,
-            )
-            parts.append((begin + first, leaving))
+            first, last = begin + first, begin + last
+            leaving, nearest, steps = pool.walk(first, last, slabs, self.voxel_rays)
+            parts.append((first, leaving))
             tallies.append((nearest, steps))
 
         self._workers.run(chunk, end - begin, smallest=FEWEST)
         firsts, counts = np.array(sorted(parts), np.int64).T.copy()
         counters.voxel_steps += sum(steps for _, steps in tallies)
-        carried = end - close_up(self._order, firsts, counts, end)
+        carried = end - pool.close_up(firsts, counts, end)
         return carried, min(nearest for nearest, _ in tallies)
 
     def settle(self, ends: Ends, counters: Counters, base: int = 0) -> int:
-        """Let complete rays go, from `base` on; returns how many of them are finished."""
-        before = self.active
-        shaded = ends.last and ends.film is not None
-        passed = 0
+        """Let complete rays go, from `base` on; return how many of them are finished."""
+        pool = self.pool
+        before = pool.active
+        film = ends.film if ends.last else None
         parts: list[tuple[int, int]] = []
+        tallies: list[tuple[int, int]] = []
 
         def chunk(worker: int, first: int, last: int) -> None:
             found = self._hits[worker]
             first, last = base + first, base + last
-            kept, n, eye_hits = settle(
-                self._rays,
-                self._paths,
-                first,
-                last,
-                self.lattice,
-                ends.film,
-                ends.background,
-                found,
-                shaded,
+            kept, n, eye_hits = pool.settle(
+                first, last, self.lattice, film, ends.background, found
             )
             ends.hits.append(found[:n])
             parts.append((first, kept))
             tallies.append((n, eye_hits))
 
-        tallies: list[tuple[int, int]] = []
         self._workers.run(chunk, before - base, smallest=FEWEST, largest=SETTLED)
-        if shaded:
+        if film is not None:
             counters.rays.eye_hits += sum(eye_hits for _, eye_hits in tallies)
-        if not ends.last:
-            passed = sum(n for n, _ in tallies)
         if parts:
             firsts, counts = np.array(sorted(parts), np.int64).T.copy()
-            self.active = close_ranks(self._rays, self._paths, base, firsts, counts)
-        return before - self.active - passed
+            pool.compact(base, firsts, counts)
+        passed = 0 if ends.last else sum(n for n, _ in tallies)
+        return before - pool.active - passed

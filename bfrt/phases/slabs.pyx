@@ -5,26 +5,22 @@ ray waits in it. What is always there is where each brick is, so that a ray pass
 whatever slab they are in.
 """
 
-from __future__ import annotations
+cimport cython
+from libc.stdint cimport int64_t
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bfrt.geometry.lattice import Lattice
-from bfrt.store.marks import BRICK_BYTES, Marks
-from bfrt.workers import Workers
+from bfrt.geometry.grid cimport BRICK_BYTES, BRICK_SHIFT, EMPTY_BRICK, EMPTY_CUBE
+from bfrt.geometry.lattice cimport Lattice
 
 #: Bricks along a side of the cubes that walks leave at once.
 TOGETHER = 2
-
-#: What the table has for a brick without marks, and for one in a cube without: as grid.pxd.
-EMPTY_BRICK, EMPTY_CUBE = -1, -2
 
 #: A brick: where it is, whether it is there, and its part of a cube.
 TABLED_BYTES = 4 + 1 + 1 / 8 + 1
 
 
-def table_of(occupied: NDArray[np.uint8]) -> NDArray[np.int32]:
+def table_of(occupied):
     """Where each brick is among those that are kept; or `EMPTY_BRICK`, or `EMPTY_CUBE`."""
     table = np.cumsum(occupied.reshape(-1), dtype=np.int32).reshape(occupied.shape)
     table -= 1
@@ -42,7 +38,7 @@ def table_of(occupied: NDArray[np.uint8]) -> NDArray[np.int32]:
     return table
 
 
-def cuts_of(bricks: NDArray[np.int64], capacity: int) -> list[int]:
+def cuts_of(bricks, capacity):
     """The first layer of each slab, and the one beyond the last: layers have so many bricks."""
     cuts, held = [0], 0
     for layer, n in enumerate(bricks.tolist()):
@@ -53,17 +49,19 @@ def cuts_of(bricks: NDArray[np.int64], capacity: int) -> list[int]:
     return [*cuts, len(bricks)]
 
 
-class Slabs:
+@cython.final
+cdef class Slabs:
     """The marks of a grid, of which one slab is in memory.
 
     Parameters
     ----------
     lattice : Lattice
         The grid.
-    marks : Marks
+    marks : bfrt.store.marks.Marks
         Its marks.
     room : int
         Bytes of a slab; one layer is taken even where it has more. The memory is taken here.
+    workers : bfrt.workers.Workers
 
     Attributes
     ----------
@@ -75,22 +73,35 @@ class Slabs:
         The slab of each layer of bricks.
     """
 
-    def __init__(self, lattice: Lattice, marks: Marks, room: int, workers: Workers) -> None:
+    def __cinit__(self, Lattice lattice not None, marks, room, workers):
+        cdef int64_t stride = 1
+        cdef int k, axis
         self.lattice = lattice
-        self.table = table_of(marks.occupied)
-        self.bytes_read = 0
-        self._cuts = self.cuts(marks, room)
-        self.count = len(self._cuts) - 1
-        self.slab_of = np.repeat(np.arange(self.count, dtype=np.int32), np.diff(self._cuts))
-        self._marks = marks
-        self._workers = workers
-        most = int(np.diff(marks.first[self._cuts]).max())
-        self._bricks = np.empty((max(1, most), BRICK_BYTES), np.uint8)
-        self._resident = -1
+        self.marks = marks
+        self.workers = workers
+        self.table = self.table_view = table_of(marks.occupied)
+        self.firsts = self.cuts(marks, room)
+        self.count = len(self.firsts) - 1
+        self.slab_of = np.repeat(np.arange(self.count, dtype=np.int32), np.diff(self.firsts))
+        self.layers = self.slab_of
+        most = int(np.diff(marks.first[self.firsts]).max())
+        self.memory = self.bricks = np.empty((max(1, most), BRICK_BYTES), np.uint8)
+        self.slab.grid = &lattice.grid
+        self.slab.number = -1
+        self.slab.axis = lattice.grid.order[2]
+        self.slab.table = &self.table_view[0, 0, 0]
+        self.slab.slab_of = &self.layers[0]
+        self.slab.bricks = &self.bricks[0, 0]
+        for k in range(3):
+            axis = lattice.grid.order[k]
+            self.slab.stride[axis] = stride
+            self.slab.shift[axis] = k * BRICK_SHIFT
+            stride *= self.table.shape[2 - k]
 
     @staticmethod
-    def bytes(bricks: int, room: int) -> int:
-        """Bytes of a slab of a grid of so many bricks, and of the table that tells where they are.
+    def bytes(bricks, room):
+        """Return the bytes of a slab of a grid of so many bricks, and of the table that tells where
+        they are.
 
         Parameters
         ----------
@@ -100,32 +111,40 @@ class Slabs:
         return int(min(bricks * BRICK_BYTES, room) + bricks * TABLED_BYTES)
 
     @staticmethod
-    def cuts(marks: Marks, room: int) -> list[int]:
-        """The layers of bricks at which slabs of `room` bytes begin, and how many there are."""
+    def cuts(marks, room):
+        """Return the layers of bricks at which slabs of `room` bytes begin, and how many there
+        are."""
         return cuts_of(np.diff(marks.first), room // BRICK_BYTES)
 
-    def load(self, slab: int) -> tuple[NDArray[np.uint8], int]:
-        """The bricks of a slab, (n, 512), and the number of the first.
+    def load(self, int number):
+        """Have a slab in memory.
 
         Raises
         ------
         StoreError
             If the marks are damaged.
         """
-        first, last = self._cuts[slab : slab + 2]
-        begin = int(self._marks.first[first])
-        if slab != self._resident:
-            self._resident = -1
+        if number == self.slab.number:
+            return
+        self.slab.number = -1
+        first, last = self.firsts[number], self.firsts[number + 1]
+        begin = int(self.marks.first[first])
 
-            def layers(_: int, a: int, b: int) -> None:
-                for layer in range(first + a, first + b):
-                    i, j = (int(n) - begin for n in self._marks.first[layer : layer + 2])
-                    self._marks.read(layer, self._bricks[i:j])
+        def layers(_, a, b):
+            for layer in range(first + a, first + b):
+                i, j = (int(n) - begin for n in self.marks.first[layer:layer + 2])
+                self.marks.read(layer, self.memory[i:j])
 
-            self._workers.run(layers, last - first)
-            self.bytes_read += int(self._marks.at[last] - self._marks.at[first])
-            self._resident = slab
-        return self._bricks, begin
+        self.workers.run(layers, last - first)
+        self.bytes_read += int(self.marks.at[last] - self.marks.at[first])
+        self.slab.first_brick = begin
+        self.slab.number = number
 
-    def close(self) -> None:
-        self._marks.close()
+    def counts(self):
+        """Count the bytes read since the last call."""
+        read, self.bytes_read = self.bytes_read, 0
+        return read
+
+    def close(self):
+        """Close the marks."""
+        self.marks.close()
