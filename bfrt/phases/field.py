@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from bfrt.budget import Capacities
 from bfrt.phases.intersection import intersect_all
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.partition import partition_of
@@ -19,6 +18,9 @@ from bfrt.store.store import Group, Store
 from bfrt.settings import Settings
 from bfrt.stats import Counters
 from bfrt.workers import Workers
+
+if TYPE_CHECKING:
+    from bfrt.budget import Capacities
 
 
 class Field:
