@@ -85,12 +85,12 @@ def cast(store: str, rays: int, query: str, **settings: Any) -> Facts:
 
 def convert(source: str, target: str, **settings: Any) -> Facts:
     scene = bfrt.convert(source, target, **settings)
-    return {"digest": f"{scene.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
+    return {"digest": f"{scene.store.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
 
 
 def spd(name: str, size: int, target: str, **options: str) -> Facts:
     scene = bfrt.spd.scene(name, size, **options).write(target)
-    return {"digest": f"{scene.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
+    return {"digest": f"{scene.store.checksum:08x}", "objects": scene.objects, "bytes": scene.bytes}
 
 
 def read(store: str) -> Facts:

@@ -24,7 +24,7 @@ import numpy as np
 from capped import drop, run_capped
 from peers import how
 
-from bfrt.budget import parse_memory
+from bfrt.memory import parse_memory
 
 RADIUS = 0.3
 SIZE = 512

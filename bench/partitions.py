@@ -26,7 +26,9 @@ from capped import CAP, drop, run_capped
 from stores import made
 
 import bfrt
-from bfrt import rendering
+from bfrt.budget import Capacities, capacities
+from bfrt.scene import Scene
+from bfrt.store.store import open_store
 
 #: The grid of the paper's table 2: 128 voxels an axis, in upper voxels of so many a side.
 SIDE = 128
@@ -50,16 +52,14 @@ def render_here(store: str, stats: str, settings: str) -> None:
     """In the child: render with these settings, of which `lower` is none that users have."""
     given = json.loads(settings)
     lower = given.pop("lower", None)
-    if lower is not None:
-        divide = rendering.capacities
 
-        def limited(*arguments: Any, **keywords: Any) -> Any:
-            found = divide(*arguments, **keywords)
-            single = (SIDE // lower) ** 3
-            return replace(found, limits=found.limits._replace(single=single))
+    def limited(*asked: Any) -> Capacities:
+        found = capacities(*asked)
+        single = (SIDE // lower) ** 3
+        return replace(found, limits=found.limits._replace(single=single))
 
-        rendering.capacities = limited
-    image = bfrt.render(store, memory=CAP, **given)
+    scene = Scene(open_store(store), capacities if lower is None else limited)
+    image = scene.render(memory=CAP, **given)
     Path(stats).write_text(json.dumps(image.stats.as_dict()))
     image.save(str(Path(stats).with_suffix(".npy")))
 

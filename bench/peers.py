@@ -29,7 +29,7 @@ from capped import drop, run_capped
 from data import terrain
 from peer import PEERS
 
-from bfrt.budget import parse_memory
+from bfrt.memory import parse_memory
 
 RAYS = 1024
 ONE = str(Path(__file__).with_name("peer.py"))

@@ -27,7 +27,7 @@ from capped import CAP, drop, run_capped
 from stores import made
 
 import bfrt
-from bfrt.budget import parse_memory
+from bfrt.memory import parse_memory
 
 REFINEMENTS = ("base", "sg", "sgb")
 HEAD = (

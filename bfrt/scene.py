@@ -77,11 +77,17 @@ class Scene:
         Its inside: groups, streams, files.
     """
 
+    _kept: Tracer | None = None
+
     def __init__(self, store: Store, divide: Divide = capacities) -> None:
         self.store = store
         self._divide = divide
-        self._kept: Tracer | None = None
-        self._busy = threading.Lock()
+        # A query may be asked, and the scene closed, by what a query calls: blocks, progress.
+        self._busy = threading.RLock()
+
+    def __reduce__(self) -> tuple[type[Scene], tuple[Store, Divide]]:
+        """Copies, and what another process is sent, prepare for themselves."""
+        return Scene, (self.store, self._divide)
 
     def __repr__(self) -> str:
         return f"<Scene {str(self.path)!r}: {self.objects:,} objects>"
@@ -175,6 +181,14 @@ class Scene:
         if kept is not None:
             kept.close()
 
+    def _make_room(self) -> None:
+        """Give back what is kept, which would be beside a render's budget, unless it is in use."""
+        if self._busy.acquire(blocking=False):
+            try:
+                self._forget()
+            finally:
+                self._busy.release()
+
     def _tracer(self, settings: Settings) -> Tracer:
         return Tracer(self.store, settings, self._divide(self.store, settings, NO_FRAME))
 
@@ -189,7 +203,7 @@ class Scene:
                 yield other
             return
         try:
-            if self._kept is None or self._kept.settings != settings:
+            if self._kept is None or not self._kept.serves(settings):
                 self._forget()
                 self._kept = self._tracer(settings)
             tracer, self._kept = self._kept, None
@@ -201,6 +215,7 @@ class Scene:
             if settings.fresh_marks:
                 tracer.close()
             else:
+                self._forget()
                 self._kept = tracer
         finally:
             self._busy.release()
@@ -328,6 +343,7 @@ class Scene:
         )  # fmt: skip
         with reporting(progress) as report:
             plan = self._divide(self.store, settings, view.frame)
+            self._make_room()
             with Tracer(self.store, settings, plan) as tracer:
                 return picture_of(tracer, view, report)
 

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import time
 from collections.abc import Callable
 from typing import NamedTuple
@@ -83,6 +84,7 @@ class Tracer:
         self.scratch = settings.scratch_beside(store.path)
         self.prepared = Counters()
         self.workers = Workers(capacities.threads)
+        self._process = os.getpid()
         self._entered: Field | None = None
         self._background = np.array(store.background, np.float64)
         try:
@@ -114,6 +116,10 @@ class Tracer:
     def bad(self) -> int:
         """Rays so far that were NaN or had no direction."""
         return self._flight.bad
+
+    def serves(self, settings: Settings) -> bool:
+        """Whether it does as asked: a process that was forked has none of its threads."""
+        return self.settings == settings and self._process == os.getpid()
 
     def __enter__(self) -> Tracer:
         return self

@@ -35,7 +35,7 @@ class Object(NamedTuple):
 def convert(path: Path, **settings: Any) -> Store:
     """The store that a file becomes, beside it."""
     quick = {"durable": False, "memory": 1 << 30}
-    return bfrt.convert(path, path.with_suffix(".bfrt"), **{**quick, **settings})
+    return bfrt.convert(path, path.with_suffix(".bfrt"), **{**quick, **settings}).store
 
 
 def objects_of(store: Store) -> list[Object]:

@@ -26,7 +26,7 @@ ORIGIN = (5e5, 4.5e6, 100.0)
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory):
+def scene(tmp_path_factory):
     """All kinds in two groups, on map coordinates, float64; each object's color by its index."""
     path = tmp_path_factory.mktemp("aovs") / "a.bfrt"
     rng = np.random.default_rng(4)
@@ -90,9 +90,9 @@ def seen_by_the_reference(store, samples):
 
 @pytest.mark.parametrize("samples", [None, 3], ids=["corners", "three samples"])
 @pytest.mark.parametrize("refine", ["base", "sgb"])
-def test_they_are_the_references(store, samples, refine):
-    image = bfrt.render(store, samples=samples, refine=refine, memory="256MiB", aovs=BOTH)
-    place, color, depth, ids = seen_by_the_reference(store, samples or 0)
+def test_they_are_the_references(scene, samples, refine):
+    image = bfrt.render(scene, samples=samples, refine=refine, memory="256MiB", aovs=BOTH)
+    place, color, depth, ids = seen_by_the_reference(scene.store, samples or 0)
     assert {int(i) >> INDEX_BITS for i in np.unique(ids)} == {*range(10), NO_HIT >> INDEX_BITS}
     np.testing.assert_array_equal(image.ids, ids)
     np.testing.assert_array_equal(image.channels["Z"], depth)
@@ -100,8 +100,8 @@ def test_they_are_the_references(store, samples, refine):
     np.testing.assert_array_equal(stacked(image, "albedo", "RGB"), color)
 
 
-def test_a_miss_is_infinitely_far_and_has_no_color(store):
-    image = bfrt.render(store, memory="256MiB", aovs=BOTH)
+def test_a_miss_is_infinitely_far_and_has_no_color(scene):
+    image = bfrt.render(scene, memory="256MiB", aovs=BOTH)
     miss = image.ids == NO_HIT
     assert 0.1 < miss.mean() < 0.9
     place, color = stacked(image, "P", "XYZ"), stacked(image, "albedo", "RGB")
@@ -111,10 +111,10 @@ def test_a_miss_is_infinitely_far_and_has_no_color(store):
 
 
 @pytest.mark.parametrize("asked", [(), ("position",), ("albedo",), BOTH, BOTH[::-1], BOTH * 2])
-def test_the_image_has_what_is_asked_for_and_no_more(store, asked):
-    image = bfrt.render(store, memory="256MiB", aovs=asked)
+def test_the_image_has_what_is_asked_for_and_no_more(scene, asked):
+    image = bfrt.render(scene, memory="256MiB", aovs=asked)
     assert set(image.channels) == ALWAYS.union(*(CHANNELS[name] for name in asked))
-    everything = bfrt.render(store, memory="256MiB", aovs=BOTH)
+    everything = bfrt.render(scene, memory="256MiB", aovs=BOTH)
     for name, channel in image.channels.items():
         assert channel.dtype == (np.uint32 if name.startswith("id.") else np.float32)
         assert channel.tobytes() == everything.channels[name].tobytes(), name
@@ -137,18 +137,18 @@ def test_a_film_takes_the_bytes_that_a_budget_counts(asked, samples):
 
 
 @pytest.mark.parametrize("wrong", ["position", ("position", "shine"), [""], ("Z",), "P.X"], ids=str)
-def test_what_cannot_be_asked_for(store, wrong):
+def test_what_cannot_be_asked_for(scene, wrong):
     with pytest.raises(
         bfrt.SettingError, match=r"aovs: found '.*', expected a sequence of position, albedo"
     ):
-        bfrt.render(store, aovs=wrong)
+        bfrt.render(scene, aovs=wrong)
 
 
-def test_the_command_writes_them(store, tmp_path):
+def test_the_command_writes_them(scene, tmp_path):
     output = tmp_path / "a.exr"
-    command = ["render", str(store.path), "--memory", "256MiB", "-o", str(output)]
+    command = ["render", str(scene.path), "--memory", "256MiB", "-o", str(output)]
     assert main([*command, "--half", "--aov", "albedo,position"]) == 0
-    image = bfrt.render(store, memory="256MiB", aovs=BOTH)
+    image = bfrt.render(scene, memory="256MiB", aovs=BOTH)
     with OpenEXR.File(str(output), separate_channels=True) as file:
         found = {name: channel.pixels.copy() for name, channel in file.channels().items()}
     assert set(found) == set(image.channels)

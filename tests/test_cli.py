@@ -107,7 +107,7 @@ def test_spd_makes_stores_and_text(tmp_path):
     done = run("spd", "rings", "2", "--nff", "-")
     assert done.stdout == text.read_text()
     again = bfrt.convert(text, tmp_path / "again.bfrt")
-    assert [s.count for s in again.streams] == [s.count for s in bfrt.open(store).streams]
+    assert again.geometries == bfrt.open(store).geometries
 
 
 def test_spd_says_what_it_will_write(tmp_path):
@@ -126,10 +126,10 @@ def test_spd_has_the_scenes_options(tmp_path, capsys):
     assert "found option hash for rings, which has none" in capsys.readouterr().err
     path = str(tmp_path / "t.bfrt")
     assert main(["spd", "tree", "3", "-o", path, "--hierarchy", "s=2", "--threads", "1"]) == 0
-    assert bfrt.open(path).hierarchy == bfrt.Hierarchy(s=2.0, t=0.5)  # t is the scene's own
+    assert bfrt.open(path).store.hierarchy == bfrt.Hierarchy(s=2.0, t=0.5)  # t is the scene's own
     assert main(["spd", "tree", "3", "-o", path, "--hierarchy", "s=0"]) == 2
     assert main(["convert", "spd:tree:3", "-o", path, "--hierarchy", "n=7"]) == 0
-    assert bfrt.open(path).hierarchy.n == 7
+    assert bfrt.open(path).store.hierarchy.n == 7
 
 
 def test_refinements_and_named_views(tmp_path):

@@ -16,6 +16,7 @@ from bfrt.cli import main
 from bfrt.framing import axes_of, bounding_sphere, framing_camera, framing_lights, unit
 from bfrt.phases.eye import view_vectors
 from bfrt.records import NO_HIT
+from bfrt.scene import Scene
 from bfrt.store.extent import Bounds
 
 FRAMED = ("eye", "at", "up", "angle")
@@ -30,10 +31,15 @@ def cloud(path, **settings):
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory):
+def scene(tmp_path_factory):
     """Spheres in a box of 4 x 2 x 1 on map coordinates; neither camera nor lights."""
     folder = tmp_path_factory.mktemp("framing")
     return cloud(folder / "cloud.bfrt", origin=(5e5, 4.5e6, 100.0))
+
+
+@pytest.fixture(scope="module")
+def store(scene):
+    return scene.store
 
 
 @pytest.fixture(scope="module")
@@ -95,17 +101,17 @@ def test_the_sphere_around_the_bounds_touches_the_pictures_edges(
 
 @pytest.mark.parametrize("resolution", [(96, 64), (32, 80)])
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, 1, 0), (-1, 2, 3)])
-def test_all_of_the_scene_is_in_the_picture(store, up, resolution):
-    camera = framing_camera(store, up=up, resolution=resolution)
-    seen = bfrt.render(store, camera=camera, memory="128MiB").ids != NO_HIT
+def test_all_of_the_scene_is_in_the_picture(scene, up, resolution):
+    camera = bfrt.framing_camera(scene, up=up, resolution=resolution)
+    seen = bfrt.render(scene, camera=camera, memory="128MiB").ids != NO_HIT
     assert seen[1:-1, 1:-1].sum() > 0.02 * seen.size
     assert not seen[[0, -1]].any() and not seen[:, [0, -1]].any()
 
 
-def test_a_render_without_a_camera_is_that_of_the_framing_camera(store):
-    image = store.render(samples=1, memory="128MiB")
+def test_a_render_without_a_camera_is_that_of_the_framing_camera(scene):
+    image = scene.render(samples=1, memory="128MiB")
     assert image.shape == (512, 512)
-    asked = bfrt.render(store, camera=framing_camera(store), samples=1, memory="128MiB")
+    asked = bfrt.render(scene, camera=scene.framing_camera(), samples=1, memory="128MiB")
     assert image.metadata == asked.metadata
     for name, channel in image.channels.items():
         assert channel.tobytes() == asked.channels[name].tobytes(), name
@@ -151,10 +157,10 @@ def test_the_eye_of_a_high_picture_is_farther_away(store):
 
 
 def test_what_cannot_be_framed_is_refused(store, empty):
-    for nothing in (empty, replace(store, bounds=Bounds(np.ones(3), np.ones(3)))):
+    for nothing in (empty, Scene(replace(store, bounds=Bounds(np.ones(3), np.ones(3))))):
         with pytest.raises(bfrt.SettingError, match=r"found no camera and no extent.*expected"):
             bfrt.render(nothing)
-        camera = framing_camera(nothing, eye=(0.0, -5.0, 0.0), at=(0.0, 0.0, 0.0))
+        camera = bfrt.framing_camera(nothing, eye=(0.0, -5.0, 0.0), at=(0.0, 0.0, 0.0))
         assert camera.eye == (0.0, -5.0, 0.0)  # there is no need of bounds
     for up in ((0, 0, 0), (math.nan, 0, 1), (0, math.inf, 0), (0, 0, -math.inf), (0, math.nan, 0)):
         with pytest.raises(bfrt.SettingError, match=r"up: found \(.*, expected finite numbers"):
@@ -198,7 +204,7 @@ def test_lights_are_made_only_where_there_are_none(tmp_path):
     """They are what a store that has them would have, and the metadata names them."""
     camera = bfrt.Camera((2, -9, 4), (2, 1, 0.5), resolution=(48, 32))
     dark = cloud(tmp_path / "dark.bfrt", origin=(0, 0, 0))
-    lights = framing_lights(dark, camera)
+    lights = framing_lights(dark.store, camera)
     rng = np.random.default_rng(3)
     with bfrt.SceneWriter(tmp_path / "lit.bfrt", origin=(0, 0, 0)) as writer:
         for light in lights:
@@ -219,9 +225,9 @@ def test_a_lit_sphere_is_round(tmp_path):
     """Brighter where the key light is, dark nowhere, and never burnt out."""
     with bfrt.SceneWriter(tmp_path / "one.bfrt") as writer:
         writer.spheres([[0.0, 0.0, 0.0]], [1.0], writer.material(bfrt.Material((1, 1, 1))))
-    store = bfrt.open(tmp_path / "one.bfrt")
-    camera = framing_camera(store, resolution=(64, 64))
-    image = bfrt.render(store, camera=camera, memory="128MiB")
+    scene = bfrt.open(tmp_path / "one.bfrt")
+    camera = scene.framing_camera(resolution=(64, 64))
+    image = bfrt.render(scene, camera=camera, memory="128MiB")
     light, solid = image.channels["R"], image.channels["A"] == 1
     upper_left, lower_right = light[20:28, 20:28], light[36:44, 36:44]
     assert solid[20:28, 20:28].all() and solid[36:44, 36:44].all()

@@ -12,6 +12,7 @@ import bfrt
 from bfrt.planned import ASSUMED
 from bfrt.planning import swept_of, waves
 from bfrt.records import Kind
+from bfrt.settings import REFINEMENTS
 
 TRACING = ("traversal", "intersection", "shading")
 
@@ -175,7 +176,7 @@ def test_nothing_but_headers_is_read(rings, tmp_path):
     scene = bfrt.open(shutil.copytree(rings.path, tmp_path / "copy.bfrt"))
     scene.render(memory="128MiB", depth=1, threads=2)
     before = scene.plan(memory="128MiB", threads=2)
-    for stream in scene.streams:
+    for stream in scene.store.streams:
         shutil.rmtree(stream.folder)
     assert scene.plan(memory="128MiB", threads=2) == before
     assert before.marks_reused
@@ -256,17 +257,18 @@ def test_rounds_of_rays():
 
 def test_what_passes_read_is_all_there_is(rings):
     """Every file of a group is in one of the parts."""
-    (group,) = rings.groups
-    swept = swept_of(group, "sgb")
+    (group,) = rings.store.groups
+    swept = swept_of(group, REFINEMENTS["sgb"])
     facts = [stream.files.get("quantised") for stream in group.streams]
     quantised = sum(f.bytes for f in facts if f is not None)
     files = sum(facts.bytes for stream in group.streams for facts in stream.files.values())
     assert swept.all - swept.coded + swept.boxes + swept.materials + quantised == files
     boxed = sum(stream.count for stream in group.streams if stream.kind != Kind.SPHERE)
     assert quantised == 6 * boxed and swept.boxes - swept.coded == 18 * boxed
-    assert swept_of(group, "sg").coded == swept.boxes
+    assert swept_of(group, REFINEMENTS["sg"]).coded == swept.boxes
     assert 0 < swept.top <= swept.levels
-    assert swept_of(group, "sg").levels == swept_of(group, "base").top == 0
+    assert swept_of(group, REFINEMENTS["sg"]).levels == 0
+    assert swept_of(group, REFINEMENTS["base"]).top == 0
 
 
 def test_a_plan_is_a_table_and_json(glass):

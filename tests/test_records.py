@@ -13,7 +13,7 @@ from bfrt import records
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
-from bfrt.phases._traversal import settle
+from bfrt.phases._traversal import RayPool
 
 PXD = (Path(bfrt.__file__).parent / "records.pxd").read_text()
 
@@ -68,14 +68,14 @@ def test_struct_is_its_dtype(name):
     assert dtype.itemsize == size == getattr(records, f"{name.upper()}_BYTES")
 
 
-def settled(rays, paths, hits):
+def settled(hits):
     lattice = Lattice((0, 0, 0), (1, 1, 1), (1, 1, 1), 0.0)
-    settle(rays, paths, 0, 0, lattice, Film(1, 1, 1), np.zeros(3), hits)
+    RayPool(1, 1).settle(0, 0, lattice, Film(1, 1, 1), np.zeros(3), hits)
 
 
 def test_the_compiler_agrees():
     """A typed memoryview is held against the fields and offsets that the C struct has."""
-    settled(np.zeros(0, records.RAY), np.zeros(0, records.PATH), np.zeros(0, records.HIT))
+    settled(np.zeros(0, records.HIT))  # and a pool views its memory as RAY and PATH
     Shader(
         np.zeros(0, records.MATERIAL),
         np.zeros((0, 6)),
@@ -86,9 +86,9 @@ def test_the_compiler_agrees():
         np.zeros(0, records.QUEUED),
         lambda _: None,
     )
-    for wrong in ([*records.RAY.descr[1:], records.RAY.descr[0]], records.RAY.descr[:-1]):
+    for wrong in ([*records.HIT.descr[1:], records.HIT.descr[0]], records.HIT.descr[:-1]):
         with pytest.raises(ValueError, match="Buffer dtype mismatch"):
-            settled(np.zeros(0, wrong), np.zeros(0, records.PATH), np.zeros(0, records.HIT))
+            settled(np.zeros(0, wrong))
 
 
 def test_enumerations_are_the_same():

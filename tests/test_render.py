@@ -179,7 +179,7 @@ def test_ids_depth_and_normals_are_those_of_the_upper_left_corner(glass):
     normals = np.stack([image.channels[f"N.{axis}"] for axis in "XYZ"], axis=-1)
     assert np.linalg.norm(normals[hit], axis=-1) == pytest.approx(1.0, abs=1e-6)
     assert (normals[~hit] == 0).all()
-    counts = {s.number: s.count for s in glass.streams}
+    counts = {s.number: s.count for s in glass.store.streams}
     ids = image.ids[hit].astype(object)
     assert all(i & ((1 << 48) - 1) < counts[i >> 48] for i in ids)
 

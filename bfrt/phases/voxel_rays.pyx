@@ -13,7 +13,7 @@ import numpy as np
 from bfrt.geometry.grid cimport Range
 
 #: An upper voxel: where its rays begin, and a bit of the occupancy, with what is above that.
-UPPER_BYTES = 4 + 1 / 8 + 1 / 32
+UPPER_BYTES = 4.0 + 1.0 / 8 + 1.0 / 32
 
 #: A lower-level block: where the rays of 64 voxels begin, a bit for each, whose it is, and twice a
 #: place in the table by which it is found.

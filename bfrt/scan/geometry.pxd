@@ -20,6 +20,7 @@ cdef class GeometryCursor:
     cdef readonly int number    # the stream's
     cdef Frame frame
     cdef int64_t stride     # bytes of a record
+    cdef bint asked         # whether what is read is asked for before
     cdef int64_t at         # the record that comes next
     cdef int64_t index      # the object whose offset comes next
     cdef uint32_t vertex    # where the polygon before it ends

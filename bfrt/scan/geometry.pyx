@@ -55,6 +55,7 @@ cdef class GeometryCursor:
             self.offsets.rewind(asked)
         self.at = self.index = self.picking = self.known = 0
         self.vertex = 0
+        self.asked = asked
         if asked:
             self.reader.window(0, self.reader.tape.size)
 
@@ -111,6 +112,11 @@ cdef class GeometryCursor:
             self.ranges = self.vertices_of(objects)
         else:
             self.ranges = objects
+        if not self.asked:
+            self.at = self.ranges[0, 0]
+            self.reader.window(
+                self.at * self.stride, self.ranges[self.ranges.shape[0] - 1, 1] * self.stride
+            )
         prefetch_runs(self.reader, self.ranges, self.stride)
         self.picking = self.known = 0
 

@@ -126,7 +126,8 @@ class PickedObjects:
     """
 
     def __init__(self, scans: GroupScans, stream: Stream, objects: NDArray[np.int64]) -> None:
-        self._scans = scans.begin(stream, asked=True)
+        # Where everything is read in a pass, files are open for that way only.
+        self._scans = scans.begin(stream, asked=scans.lazy)
         self._ranges = objects[:, None] + np.array([0, 1])
         self._chunk = chunk_of(len(objects), len(self._scans), 1, PICKED)
         self._starts = itertools.count(0, self._chunk)

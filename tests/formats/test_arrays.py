@@ -23,7 +23,7 @@ def geometry(scene, kind):
 
 
 def convert(path, **settings):
-    return bfrt.convert(path, path.with_suffix(".bfrt"), **settings)
+    return bfrt.convert(path, path.with_suffix(".bfrt"), **settings).store
 
 
 def refused(path, kind=SceneError, **settings):

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from meshes import FACES, VERTICES, convert, expected, failure, objects_of, open_files, shapes_of
 
 import bfrt
-from bfrt.budget import format_memory
 from bfrt.cli import main
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats import mesh as mesh_module
@@ -29,6 +28,8 @@ from bfrt.formats.mesh import (
     means,
     once_each,
 )
+from bfrt.memory import format_memory, parse_memory
+from bfrt.store.store import open_store
 
 MEMORY = 1 << 20
 
@@ -207,7 +208,7 @@ def test_the_budget(tmp_path):
     said = str(caught.value)
     assert said.startswith("memory: found ")
     assert f"expected {format_memory(least)} or more to convert a mesh" in said
-    assert together(joined(mesh, bfrt.budget.parse_memory(format_memory(least)), tmp_path))[1]
+    assert together(joined(mesh, parse_memory(format_memory(least)), tmp_path))[1]
 
 
 def test_which_join(tmp_path):
@@ -358,11 +359,11 @@ def test_convert_points(cloud, tmp_path):
     how = ["-o", out, "--skip-invalid", "--radius"]
     status, _, said = run("convert", cloud, *how, "0.5", *colors)
     assert (status, said) == (0, f"bfrt: {cloud}: 1 objects that are not finite were dropped\n")
-    first, last = objects_of(bfrt.open(out))
+    first, last = objects_of(open_store(out))
     assert (first.shape, last.shape) == (((0, 0, 0, 0.5),), ((2, 0, 0, 0.5),))
     assert (first.color, last.color) == ((0, 0, 0), (1, 1, 1))
     assert run("convert", cloud, *how, "heat", "--quiet") == (0, "", "")
-    assert shapes_of(bfrt.open(out)) == [((0, 0, 0, 1),), ((2, 0, 0, 3),)]
+    assert shapes_of(open_store(out)) == [((0, 0, 0, 1),), ((2, 0, 0, 3),)]
 
 
 def test_convert_in_a_budget(square, tmp_path, capsys):
@@ -371,9 +372,9 @@ def test_convert_in_a_budget(square, tmp_path, capsys):
     assert main(["convert", str(square), "-o", out, "--memory", "100MiB"]) == 2
     assert f"expected {least} or more" in capsys.readouterr().err
     assert main(["convert", str(square), "-o", out, "--memory", least, "--triangulate"]) == 0
-    assert [stream.kind.label for stream in bfrt.open(out).streams] == ["triangle"]
+    assert [stream.kind.label for stream in open_store(out).streams] == ["triangle"]
     assert main(["convert", str(square), "-o", out, "--dtype", "float64"]) == 0
-    assert all(stream.wide for stream in bfrt.open(out).streams)
+    assert all(stream.wide for stream in open_store(out).streams)
 
 
 @pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
@@ -452,5 +453,5 @@ def test_several_files_are_groups(square, cloud, tmp_path):
     cloud.write_text(cloud.read_text().replace("nan", "1"))
     with pytest.raises(bfrt.errors.SettingError, match="found radius=1, expected none"):
         bfrt.convert([cloud, square], tmp_path / "a.bfrt", radius=1)
-    store = bfrt.convert([square, square], tmp_path / "a.bfrt")
+    store = bfrt.convert([square, square], tmp_path / "a.bfrt").store
     assert [sum(s.count for s in group.streams) for group in store.groups] == [4, 4]

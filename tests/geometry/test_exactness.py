@@ -15,17 +15,18 @@ from scenes import flat_scene, joined, lattice_scene, random_objects, random_ray
 
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
-from bfrt.phases._traversal import admit, settle, walk
+from bfrt.phases._traversal import RayPool
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.partition import partition, resolution
 from bfrt.phases.preprocess import growth, lattice_of
-from bfrt.phases.traversal import Flight
+from bfrt.phases.slabs import Slabs
 from bfrt.phases.voxel_rays import VoxelRays
-from bfrt.records import HIT, INDEX_BITS, PATH, RAY, Kind, RayKind
+from bfrt.records import HIT, INDEX_BITS, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
 from bfrt.reference.independent import Objects, agree, stable
 from bfrt.store.model import Camera
+from bfrt.workers import Workers
 
 ORIGIN = (0.0, 0.0, 0.0)
 START, UP = 6, 2  # faces: none, and that below
@@ -276,7 +277,7 @@ def test_rule_6_far_origins_are_advanced(tmp_path):
     assert (np.abs(eye["oy"]) < 100).all()
 
 
-def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path, monkeypatch):
+def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path):
     rng = np.random.default_rng(7)
     lattice = Lattice([-1.0] * 3, [1.0] * 3, (9, 10, 11), 1e-9)
     resumed = 0
@@ -291,9 +292,8 @@ def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path, monkeypatch):
     store = fast.write(objects, tmp_path / "s.bfrt", origin=ORIGIN)
     rays = rays_of(rng, objects, 30)
     once = fast.nearest(store, *rays, tmp_path)
-    slots = Flight._slots.fget
-    monkeypatch.setattr(Flight, "_slots", property(lambda self: slots(self)[: self.active]))
-    capacities = fast.limited(fast.ROOMY, voxels=20**3)
+    n = len(rays[0])
+    capacities = fast.limited(replace(fast.ROOMY, rays=n, candidates=n), voxels=20**3)
     many = fast.nearest(store, *rays, tmp_path, capacities)
     np.testing.assert_array_equal(many.ids, once.ids)
     np.testing.assert_array_equal(many.t, once.t)
@@ -301,25 +301,44 @@ def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path, monkeypatch):
 
 
 def walker(t, voxel, face):
-    """A ray on its way up through the middle of a lattice, its nearest hit so far at t."""
-    rays, paths = np.zeros(1, RAY), np.zeros(1, PATH)
-    rays[["ox", "oy", "oz", "dz"]] = (0.5, 0.5, -1.0, 1.0)
-    rays[["t", "voxel", "face", "kind"]] = (t, voxel, face, RayKind.REFLECTION)
-    return rays, paths
+    """A pool with a ray on its way up through the middle of a lattice, its nearest hit so far at
+    t."""
+    pool = RayPool(1, 8)
+    (ray,), _ = pool.all
+    ray[...] = np.zeros((), RAY)
+    for name, value in zip(("ox", "oy", "oz", "dz"), (0.5, 0.5, -1.0, 1.0), strict=True):
+        ray[name] = value
+    ray["t"], ray["voxel"], ray["face"], ray["kind"] = t, voxel, face, RayKind.REFLECTION
+    pool.come(1)
+    return pool
 
 
-def walked(rays, lattice, marks, quota):
+def walked(pool, lattice, marks, quota):
     """How many candidates a ray finds in the one brick of a lattice of 1 x 1 x 8 voxels."""
     bricks = np.zeros((1, 512), np.uint8)
     bricks[0, ::64] = marks
-    one, used = np.zeros((1, 1, 1), np.int32), np.zeros(1, np.int64)
-    order, left = np.zeros(1, np.uint32), np.array([quota], np.uint32)
-    store, slots = VoxelRays(lattice.shape), np.zeros(8, np.uint64)
-    leaving = walk(
-        rays, order, 0, 1, lattice, 0, bricks, 0, one, one[0, 0], left, store, slots, used
-    )[0]
-    assert leaving == 0 and used[0] == quota - left[0]
-    return used[0]
+    workers = Workers(1)
+    slabs = Slabs(lattice, OneBrick(bricks), 512, workers)
+    slabs.load(0)
+    pool.enter_grid()
+    pool.keep_order()
+    pool.begin_walk(0, quota)
+    assert pool.walk(0, 1, slabs, VoxelRays(lattice.shape))[0] == 0
+    return pool.stored
+
+
+class OneBrick:
+    """Marks of a grid of one brick."""
+
+    occupied = np.ones((1, 1, 1), np.uint8)
+    first = np.array([0, 1])
+    at = np.array([0, 512])
+
+    def __init__(self, bricks):
+        self.bricks = bricks
+
+    def read(self, layer, out):
+        out[:] = self.bricks
 
 
 def test_rule_8_what_ties_is_met(tmp_path):
@@ -346,16 +365,15 @@ def test_rule_8_what_ties_is_met(tmp_path):
     lattice = Lattice([0.0] * 3, [1.0, 1.0, 8.0], (1, 1, 8), 0.0)
     marks = np.full(8, 1 << UP, np.uint8)
     for t, found, sentinel in ((4.0, 4, NOWHERE), (np.nextafter(4.0, 3.0), 3, NOWHERE)):
-        rays, _ = walker(t, 0, UP)
-        assert walked(rays, lattice, marks, 8) == found
-        assert rays["voxel"][0] == sentinel
-    rays, _ = walker(4.0, 0, UP)
-    assert walked(rays, lattice, marks, 3) == 3
-    assert rays["voxel"][0] == 3
+        pool = walker(t, 0, UP)
+        assert walked(pool, lattice, marks, 8) == found
+        assert pool.in_flight["voxel"][0] == sentinel
+    pool = walker(4.0, 0, UP)
+    assert walked(pool, lattice, marks, 3) == 3
+    assert pool.in_flight["voxel"][0] == 3
     for t, left in ((4.0, 1), (np.nextafter(4.0, 3.0), 0)):
-        rays, paths = walker(t, 3, UP)
         film, hits = Film(1, 1, 1), np.zeros(1, HIT)
-        assert settle(rays, paths, 0, 1, lattice, film, np.zeros(3), hits)[0] == left
+        assert walker(t, 3, UP).settle(0, 1, lattice, film, np.zeros(3), hits)[0] == left
     # On its way in, too, when it has met an outlier.
     marks[:3] = 0
     for height, voxel in ((3.0, 3), (np.nextafter(np.float32(3.0), np.float32(0.0)), NOWHERE)):
@@ -363,10 +381,12 @@ def test_rule_8_what_ties_is_met(tmp_path):
         store = fast.write(objects, tmp_path / "wall.bfrt", np.float32)
         outliers = Outliers(store, replace(store.groups[0], outliers=[Kind.POLYGON << INDEX_BITS]))
         queued = fast.queued([[0.5, 0.5, -1.0]], [[0.0, 0.0, 1.0]], RayKind.REFLECTION)
-        rays, paths = walker(0.0, 0, 0)
-        admit(queued, rays, paths, 0, 0, 1, lattice, outliers)
-        assert walked(rays, lattice, marks, 0) == 0
-        assert (rays["t"][0], rays["voxel"][0]) == (height + 1.0, voxel)
+        pool = RayPool(1, 8)
+        pool.admit(queued, 0, 1, lattice, outliers)
+        pool.come(1)
+        assert walked(pool, lattice, marks, 0) == 0
+        (ray,) = pool.in_flight
+        assert (ray["t"], ray["voxel"]) == (height + 1.0, voxel)
 
 
 def test_rule_9_bounds_contain_what_kernels_return(tmp_path):

@@ -12,6 +12,7 @@ import bfrt
 from bfrt.phases.delays import DELAYS_BYTES
 from bfrt.records import DELAYED_BYTES
 from bfrt.reference import exhaustive
+from bfrt.store.store import open_store
 
 #: So many rays wait before the first are settled.
 ROOM = DELAYS_BYTES // DELAYED_BYTES
@@ -34,7 +35,7 @@ def test_many_rays_wait_for_few_objects(tmp_path, polygons, refine, threads):
     """An object is then the last of one half, and the first of the other."""
     with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
         squares(writer, [0.0, 0.25, 0.5], polygons)
-    store = fast.gridded(bfrt.open(tmp_path / "a.bfrt"))
+    store = fast.gridded(open_store(tmp_path / "a.bfrt"))
     random = np.random.default_rng(3)
     origins = np.c_[random.random((3 * ROOM, 2)), np.full(3 * ROOM, 2.0)]
     origins -= np.array(store.origin)

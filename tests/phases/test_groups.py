@@ -13,6 +13,7 @@ import bfrt
 from bfrt.errors import SettingError
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.reference import exhaustive
+from bfrt.store.store import open_store
 
 TIGHT = fast.limited(
     replace(fast.ROOMY, rays=53, candidates=120, hits=7, queue=5, blocks=2, subspace=4000),
@@ -116,9 +117,9 @@ def test_one_file_one_group(tmp_path):
     head = "v\nfrom 0 0 9\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 32 32\nl 1 2 9\n"
     (tmp_path / "a.nff").write_text("b 0 0 1\n" + head + "f 1 0 0 1 0 0 0 0\ns 0 0 0 1\n")
     (tmp_path / "b.nff").write_text("b 1 1 1\n" + head.replace("9", "8") + "s 2 0 0 1\ns 3 0 0 1\n")
-    store = bfrt.convert([tmp_path / "a.nff", tmp_path / "b.nff"], tmp_path / "s.bfrt")
-    assert [[s.count for s in g.streams] for g in store.groups] == [[1], [2]]
+    scene = bfrt.convert([tmp_path / "a.nff", tmp_path / "b.nff"], tmp_path / "s.bfrt")
+    assert [[s.count for s in g.streams] for g in scene.store.groups] == [[1], [2]]
     # The view and its colors are the first file's.
-    assert store.camera.eye == (0, 0, 9) and store.background == (0, 0, 1)
-    assert len(store.lights) == 1
-    store.verify()
+    assert scene.camera.eye == (0, 0, 9) and scene.background == (0, 0, 1)
+    assert len(scene.lights) == 1
+    scene.verify()

@@ -19,8 +19,10 @@ from bfrt.phases.partition import partition_of
 from bfrt.phases.preprocess import lattice_of, layout_of
 from bfrt.phases.subspace import Subspace
 from bfrt.records import Kind
+from bfrt.settings import REFINEMENTS, Settings
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.marks import BRICK, BRICK_BYTES, marks_path, open_marks
+from bfrt.store.store import open_store
 from bfrt.store.sweep import Sweep
 from bfrt.stats import Counters
 from bfrt.workers import Workers
@@ -68,7 +70,8 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
     group = store.groups[0]
     capacities = replace(fast.limited(fast.ROOMY, voxels=24**3), subspace=subspace, threads=2)
     workers = Workers(2)
-    Field(store, group, workers, capacities, refine, tmp_path).preprocess(True, Counters())
+    settings = Settings(0, 2, REFINEMENTS[refine], scratch=tmp_path)
+    Field(store, group, workers, capacities, settings).preprocess(True, Counters())
     workers.close()
     cut = partition_of(group, capacities.limits)
     lattice = lattice_of(store, group, cut.shape, cut.axis)
@@ -93,7 +96,7 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
     corners = np.random.default_rng(1).random((100_000, 9), np.float32)
     with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(bits=bits)) as writer:
         writer.append(kind, corners if kind == Kind.TRIANGLE else corners[:, :4].copy())
-    (stream,) = bfrt.open(tmp_path / "a.bfrt").streams
+    (stream,) = open_store(tmp_path / "a.bfrt").streams
     sweep = Sweep(stream, (0.0,) * 3, np.empty(0, np.int64), 1 << 18, lazy=True)
     sweep.rewind(asked=True)
     sweep.window(0, 90_020)
@@ -115,7 +118,7 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
 def test_quantised_boxes_of_another_hierarchy_have_other_marks(tmp_path):
     """The store is the same but for its hierarchy: so would be the name of its marks in scratch."""
     stores = [
-        bfrt.spd.gears(2).write(tmp_path / f"{number}.bfrt", hierarchy=settings)
+        bfrt.spd.gears(2).write(tmp_path / f"{number}.bfrt", hierarchy=settings).store
         for number, settings in enumerate([Hierarchy(), Hierarchy(s=1.5), Hierarchy(bits=0)])
     ]
     assert len({store.checksum for store in stores}) == 1

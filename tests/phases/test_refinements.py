@@ -18,6 +18,7 @@ from bfrt.phases.voxel_rays import VoxelRays
 from bfrt.records import ON_REQUEST, PARENT, Kind
 from bfrt.settings import REFINEMENTS
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.store import open_store
 from bfrt.workers import Workers
 
 #: Two sizes of each scene that finish soon.
@@ -59,10 +60,11 @@ def test_quantised_boxes_show_the_same(name, memory, tmp_path):
     scene = bfrt.spd.scene(name, {"mount": 7, "rings": 9}[name])
     images = {}
     for bits in (0, 8):
-        store = scene.write(tmp_path / f"{bits}.bfrt", hierarchy=Hierarchy(bits=bits))
+        made = scene.write(tmp_path / f"{bits}.bfrt", hierarchy=Hierarchy(bits=bits))
         camera = replace(scene.camera, resolution=(64, 64))
-        images[bits] = bfrt.render(store, memory=memory, camera=camera, aovs=AOVS)
-        assert all(s.quantised == (bits > 0 and s.kind != Kind.SPHERE) for s in store.streams)
+        images[bits] = bfrt.render(made, memory=memory, camera=camera, aovs=AOVS)
+        streams = made.store.streams
+        assert all(s.quantised == (bits > 0 and s.kind != Kind.SPHERE) for s in streams)
     assert pixels(images[0]) == pixels(images[8])
     totals = [image.stats.total for image in images.values()]
     assert totals[0].rays == totals[1].rays
@@ -148,7 +150,7 @@ def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room
     settings = Hierarchy(s=rng.uniform(1, 4), n=3, l=int(rng.integers(1, 5)), t=rng.random())
     with bfrt.SceneWriter(folder / "a.bfrt", hierarchy=settings) as writer:
         writer.spheres(centers, np.float32(0.2))
-    (stream,) = bfrt.open(folder / "a.bfrt").store.streams
+    (stream,) = open_store(folder / "a.bfrt").streams
     shape = tuple(int(k) for k in rng.integers(1, 40, 3))
     lattice = Lattice((-10.0,) * 3, (10.0,) * 3, shape, 1e-6)
     voxels = np.unique(rng.integers(0, np.prod(shape), rng.integers(0, 6)))
@@ -171,7 +173,7 @@ def test_a_hierarchy_that_lies_is_refused(tmp_path):
     bfrt.spd.rings(2).write(tmp_path / "a.bfrt", hierarchy=Hierarchy(s=1.0, n=2, l=3))
     rng = np.random.default_rng(2)
     refused = 0
-    for stream in bfrt.open(tmp_path / "a.bfrt").store.streams:
+    for stream in open_store(tmp_path / "a.bfrt").streams:
         for number in range(1, len(stream.levels) + 1):
             path = stream.path(f"level{number}")
             whole = np.fromfile(path, PARENT)
@@ -186,12 +188,11 @@ def test_a_hierarchy_that_lies_is_refused(tmp_path):
                     refused += 1
             whole.tofile(path)
     assert refused > 5
-    bfrt.open(tmp_path / "a.bfrt").verify()
+    open_store(tmp_path / "a.bfrt").verify()
 
 
 def test_polygons_whose_ends_descend_are_refused(tmp_path):
-    store = bfrt.spd.gears(1).write(tmp_path / "a.bfrt")
-    (stream,) = store.streams
+    (stream,) = bfrt.spd.gears(1).write(tmp_path / "a.bfrt").store.streams
     ends = np.fromfile(stream.path("offsets"), "<u4")
     for refine in REFINEMENTS:
         broken = ends.copy()
@@ -206,7 +207,7 @@ def test_seven_levels_of_everything(tmp_path):
     centers = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
     with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(s=1e-6, n=1, l=8, t=0.0)) as w:
         w.spheres(centers, 0.4)
-    store = bfrt.open(tmp_path / "a.bfrt")
+    store = open_store(tmp_path / "a.bfrt")
     assert store.streams[0].levels == (9,) * 8
     ways = np.tile([0.0, 0.0, 1.0], (9, 1))
     origins = centers - np.array(store.origin) - [0, 0, 5]

@@ -15,6 +15,7 @@ from bfrt.phases import selection
 from bfrt.phases.selection import Batch, Selections
 from bfrt.phases.subspace import Subspace
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.store import open_store
 from bfrt.workers import Workers
 
 EVERYWHERE = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
@@ -25,7 +26,7 @@ def stream(tmp_path):
     """20,000 triangles, all of them in a unit cube."""
     with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(bits=8)) as writer:
         writer.triangles(np.random.default_rng(1).random((20_000, 3, 3), np.float32))
-    (stream,) = bfrt.open(tmp_path / "a.bfrt").streams
+    (stream,) = open_store(tmp_path / "a.bfrt").streams
     return stream
 
 

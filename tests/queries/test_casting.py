@@ -103,8 +103,9 @@ def test_all_intersections_are_brute_force(tmp_path, planned, name):
 
 
 @pytest.mark.parametrize("refine", ["base", "sg"])
-def test_refinements_answer_alike(tmp_path, refine):
-    scene, origins, directions = make(tmp_path, NAMES[0], fast.ROOMY)
+@pytest.mark.parametrize("name", NAMES)
+def test_refinements_answer_alike(tmp_path, name, refine):
+    scene, origins, directions = make(tmp_path, name, fast.ROOMY)
     for ask in (scene.cast_rays, scene.list_intersections):
         one, other = ask(origins, directions), ask(origins, directions, refine=refine, threads=1)
         for key, values in one.items():

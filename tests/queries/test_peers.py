@@ -435,7 +435,7 @@ class Asked:
     """A mesh in a store, rays, and bfrt's answers."""
 
     mesh: Mesh
-    scene: bfrt.Store
+    scene: bfrt.Scene
     rays: tuple[np.ndarray, np.ndarray]
     answers: Answers
 

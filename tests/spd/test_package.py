@@ -122,7 +122,7 @@ def test_float32_is_the_float64_rounded(name):
 @pytest.mark.parametrize("name", bfrt.spd.NAMES)
 def test_store_takes_what_was_said(name, tmp_path):
     scene = bfrt.spd.scene(name, SMALL[name])
-    store = scene.write(tmp_path / "s.bfrt")
+    store = scene.write(tmp_path / "s.bfrt").store
     store.verify()
     assert store.objects == scene.objects
     assert sum(s.degenerate for s in store.streams) == 0

@@ -90,8 +90,8 @@ def test_threads_change_nothing(threads, tmp_path):
     Row(40).write_nff(one, threads=1)
     Row(40).write_nff(other, threads=threads)
     assert one.getvalue() == other.getvalue()
-    stores = [Row(40).write(tmp_path / f"{n}.bfrt", threads=n) for n in (1, threads)]
-    assert stores[0].checksum == stores[1].checksum
+    one, other = (Row(40).write(tmp_path / f"{n}.bfrt", threads=n).store for n in (1, threads))
+    assert one.checksum == other.checksum
 
 
 def test_what_a_store_takes_is_known_beforehand(tmp_path):
@@ -139,6 +139,6 @@ def test_text_comes_back_as_the_scene(tmp_path):
     path = tmp_path / "row.nff"
     with path.open("w") as file:
         Row(7).write_nff(file)
-    store = bfrt.convert(path, tmp_path / "row.bfrt")
-    assert store.camera == Row.camera
-    assert {s.kind: s.count for s in store.streams} == Row(7).counts
+    scene = bfrt.convert(path, tmp_path / "row.bfrt")
+    assert scene.camera == Row.camera
+    assert {g.kind: g.count for g in scene.geometries.values()} == Row(7).counts

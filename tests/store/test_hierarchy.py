@@ -15,6 +15,8 @@ from bfrt.records import PARENT, Kind
 from bfrt.store._hierarchy import Merger, quantise
 from bfrt.store.extent import Bounds
 from bfrt.store.hierarchy import Hierarchy, make_levels, parse_hierarchy
+from bfrt.store.store import open_store
+from bfrt.store.writer import StoreWriter
 
 
 def random_boxes(rng, n):
@@ -185,8 +187,8 @@ def test_settings_out_of_range(wrong):
 
 def test_the_store_keeps_settings_levels_and_time(tmp_path):
     settings = Hierarchy(s=2.0, n=10, l=3, t=0.5)
-    store = bfrt.spd.rings(3).write(tmp_path / "a.bfrt", hierarchy=settings)
-    other = bfrt.spd.rings(3).write(tmp_path / "b.bfrt")
+    store = bfrt.spd.rings(3).write(tmp_path / "a.bfrt", hierarchy=settings).store
+    other = bfrt.spd.rings(3).write(tmp_path / "b.bfrt").store
     assert store.hierarchy == settings and store.hierarchy_seconds > 0
     assert store.checksum == other.checksum  # the scene is the same
     levels = {s.kind: s.levels for s in store.streams}
@@ -194,20 +196,19 @@ def test_the_store_keeps_settings_levels_and_time(tmp_path):
     assert levels[Kind.SPHERE][0] < 420
     for stream in store.streams:
         assert set(stream.levels) and stream.path("level1").stat().st_size == 32 * stream.levels[0]
-    assert (
-        bfrt.convert("spd:rings:3", tmp_path / "c.bfrt", hierarchy=settings).hierarchy == settings
-    )
+    converted = bfrt.convert("spd:rings:3", tmp_path / "c.bfrt", hierarchy=settings)
+    assert converted.store.hierarchy == settings
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_boxes_of_spheres_are_worked_out_again(tmp_path, dtype):
     rng = np.random.default_rng(3)
     centers = rng.uniform(-1, 1, (500, 3)).astype(dtype)
-    with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(n=1, s=1.0)) as writer:
+    with StoreWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(n=1, s=1.0)) as writer:
         writer.spheres(centers, np.full(500, 0.01, dtype))
-    (stream,) = bfrt.open(tmp_path / "a.bfrt").streams
+    (stream,) = open_store(tmp_path / "a.bfrt").streams
     records = np.fromfile(stream.path("level1"), PARENT)
-    moved = centers - np.array(bfrt.open(tmp_path / "a.bfrt").origin)
+    moved = centers - np.array(open_store(tmp_path / "a.bfrt").origin)
     for begin, record in zip([0, *records["end"][:-1]], records, strict=True):
         part = moved[begin : record["end"]]
         lo = [record[name] for name in ("lox", "loy", "loz")]
@@ -220,14 +221,14 @@ def test_a_first_level_as_the_objects_come_is_that_of_a_second_pass(tmp_path):
     rng = np.random.default_rng(4)
     for name in ("a", "b"):
         rng = np.random.default_rng(4)
-        with bfrt.SceneWriter(tmp_path / name, hierarchy=Hierarchy(n=10, s=2.0)) as writer:
+        with StoreWriter(tmp_path / name, hierarchy=Hierarchy(n=10, s=2.0)) as writer:
             if name == "b":
-                surface = bfrt.open(tmp_path / "a").groups[0].grid_bounds.surface
+                surface = open_store(tmp_path / "a").groups[0].grid_bounds.surface
                 writer.expect({Kind.SPHERE: 900, Kind.TRIANGLE: 600}, surface)
             for _ in range(3):
                 writer.spheres(rng.random((300, 3)), np.full(300, 0.01))
                 writer.triangles(rng.random((200, 3, 3)))
-    one, other = bfrt.open(tmp_path / "a"), bfrt.open(tmp_path / "b")
+    one, other = open_store(tmp_path / "a"), open_store(tmp_path / "b")
     assert one.checksum == other.checksum
     for mine, its in zip(one.streams, other.streams, strict=True):
         assert mine.levels == its.levels and len(mine.levels) > 1
@@ -240,7 +241,7 @@ def test_a_first_level_as_the_objects_come_is_that_of_a_second_pass(tmp_path):
 def test_other_counts_than_were_announced_are_refused(tmp_path, count):
     with (
         pytest.raises(SceneError, match=f"sphere: found 3 objects, expected {count} as announced"),
-        bfrt.SceneWriter(tmp_path / "a") as writer,
+        StoreWriter(tmp_path / "a") as writer,
     ):
         writer.expect({Kind.SPHERE: count}, 1.0)
         writer.spheres(np.zeros((3, 3)), 1.0)
@@ -250,7 +251,7 @@ def test_other_counts_than_were_announced_are_refused(tmp_path, count):
 def test_counts_are_announced_before_the_first_object(tmp_path):
     with (
         pytest.raises(SettingError, match="expected a call before the first"),
-        bfrt.SceneWriter(tmp_path / "a") as writer,
+        StoreWriter(tmp_path / "a") as writer,
     ):
         writer.spheres(np.zeros((3, 3)), 1.0)
         writer.expect({Kind.SPHERE: 3}, 1.0)
@@ -259,5 +260,5 @@ def test_counts_are_announced_before_the_first_object(tmp_path):
 @pytest.mark.parametrize("name", bfrt.spd.NAMES)
 def test_the_surface_that_a_scene_expects_is_about_its_grids(name, tmp_path):
     scene = bfrt.spd.scene(name, bfrt.spd.DEFAULT_SIZES[name])
-    grid = scene.write(tmp_path / "a.bfrt").groups[0].grid_bounds
+    grid = scene.write(tmp_path / "a.bfrt").store.groups[0].grid_bounds
     assert scene.surface == pytest.approx(grid.surface, rel=0.2)

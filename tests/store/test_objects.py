@@ -14,12 +14,13 @@ from capped import drop
 
 import bfrt
 from bfrt.store.objects import Objects
+from bfrt.store.store import open_store
 from bfrt.workers import Workers
 
 
 @pytest.fixture(params=[1, 4])
 def objects(request, tmp_path):
-    store = bfrt.spd.rings(3).write(tmp_path / "a.bfrt")
+    store = bfrt.spd.rings(3).write(tmp_path / "a.bfrt").store
     workers = Workers(request.param)
     yield Objects(store, store.groups[0], workers, 4096, lazy=True)
     workers.close()
@@ -97,7 +98,7 @@ def test_boxes_that_are_asked_for_come(tmp_path):
     """And what lies between them does not."""
     with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
         writer.triangles(np.random.default_rng(1).random((200_000, 3, 3), np.float32))
-    store = bfrt.open(tmp_path / "a.bfrt")
+    store = open_store(tmp_path / "a.bfrt")
     (stream,) = store.streams
     path = stream.path("quantised")
     if not dropped(path):

@@ -13,13 +13,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import random_objects
 
-import bfrt
 from bfrt.errors import StoreError, StreamError
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store.header import header_text
 from bfrt.store.marks import Layout, marks_path, writing_marks
 from bfrt.store.model import Camera, Light, Material
-from bfrt.store.store import has_magic, object_id
+from bfrt.store.store import has_magic, object_id, open_store
 from bfrt.store.writer import StoreWriter
 
 HUGE = [[-1e4, -1e4, 0], [1e4, -1e4, 0], [0, 1e4, 0]]
@@ -43,7 +42,7 @@ def make(path):
             objects.vertices, objects.counts, np.resize(numbers, len(objects.counts))
         )
         writer.triangles([HUGE], 1)
-    store = bfrt.open(path)
+    store = open_store(path)
     path = marks_path(store, store.groups[0], path.parent)
     with writing_marks(path, store, Layout((2, 3, 4), 2)) as writer:
         writer.add(np.full((1, 512), 63, np.uint8), np.ones((1, 1), np.uint8))
@@ -80,7 +79,7 @@ NAMES = [
 
 def test_the_files_of_a_store(whole):
     assert files_of(whole) == sorted([*NAMES, "0/marks", "made.json", "scene.json"])
-    store = bfrt.open(whole)
+    store = open_store(whole)
     assert {p for p, _ in store.files()} == {whole / name for name in NAMES}
     sizes = sum((whole / name).stat().st_size for name in [*NAMES, "scene.json"])
     assert store.bytes == sizes
@@ -94,7 +93,7 @@ def test_open_reads_the_header_only(path):
     for name in NAMES:
         size = (path / name).stat().st_size
         (path / name).write_bytes(b"\xff" * size)
-    bfrt.open(path)  # O(1): the sizes are right
+    open_store(path)  # O(1): the sizes are right
 
 
 # --- what open finds -----------------------------------------------------------------------------
@@ -110,7 +109,7 @@ def test_a_file_of_another_size(path, name, change):
     else:
         os.truncate(file, size + change)
     with pytest.raises(StoreError) as caught:
-        bfrt.open(path)
+        open_store(path)
     found = "the file is missing" if change is None else f"found {size + change} bytes"
     assert str(caught.value).startswith(f"{file}: {found}")
     assert f"expected {size}" in str(caught.value)
@@ -119,10 +118,10 @@ def test_a_file_of_another_size(path, name, change):
 def test_a_folder_is_missing(path):
     shutil.rmtree(path / "0" / "cone")
     with pytest.raises(StoreError, match=r"cone.\w+: the file is missing"):
-        bfrt.open(path)
+        open_store(path)
     (path / "0" / "cone").write_bytes(b"a file in its place")
     with pytest.raises(StoreError, match=r"cone.\w+: the file is missing"):
-        bfrt.open(path)
+        open_store(path)
 
 
 @pytest.mark.parametrize("what", ["nothing", "a file", "a folder", "a folder for a header"])
@@ -135,7 +134,7 @@ def test_no_store_at_all(tmp_path, what):
     if what == "a folder for a header":
         (path / "scene.json").mkdir()
     with pytest.raises(StoreError, match="not a scene store: expected a directory") as caught:
-        bfrt.open(path)
+        open_store(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert not has_magic(path)
 
@@ -144,7 +143,7 @@ def test_no_store_at_all(tmp_path, what):
 def test_a_header_that_may_not_be_read(path):
     (path / "scene.json").chmod(0)
     with pytest.raises(StreamError, match=r"scene\.json: reading at byte 0"):
-        bfrt.open(path)
+        open_store(path)
 
 
 @pytest.mark.parametrize(
@@ -159,7 +158,7 @@ def test_a_header_that_may_not_be_read(path):
 def test_another_version_or_magic(path, key, value, message):
     rewrite(path, lambda header: header.update({key: value}))
     with pytest.raises(StoreError) as caught:
-        bfrt.open(path)
+        open_store(path)
     assert str(caught.value).startswith(f"{path / 'scene.json'}: ")
     assert message in str(caught.value)
     assert len(str(caught.value)) < 500
@@ -185,7 +184,7 @@ def test_any_bytes_for_a_header(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("garbage")
     (path / "scene.json").write_bytes(data)
     with pytest.raises(StoreError, match=r"scene\.json"):
-        bfrt.open(path)
+        open_store(path)
 
 
 def rewrite(path, change):
@@ -236,7 +235,7 @@ def test_a_header_with_a_true_checksum_and_another_value(whole, tmp_path_factory
     path = shutil.copytree(whole, tmp_path_factory.mktemp("changed") / "a.bfrt")
     (path / "scene.json").write_text(header_text(header))
     try:
-        store = bfrt.open(path)
+        store = open_store(path)
     except StoreError as error:
         assert str(path) in str(error)
         assert len(str(error)) < 1000
@@ -313,14 +312,14 @@ def test_a_malformed_field_is_named(path, way, value, message):
 
     rewrite(path, change)
     with pytest.raises(StoreError) as caught:
-        bfrt.open(path)
+        open_store(path)
     assert message in str(caught.value)
     assert str(caught.value).startswith(str(path))
 
 
 def test_what_is_whole_is_not_refused(path):
     rewrite(path, lambda header: copy.deepcopy(header))
-    used(bfrt.open(path))
+    used(open_store(path))
 
 
 # --- what verify finds ---------------------------------------------------------------------------
@@ -328,7 +327,7 @@ def test_what_is_whole_is_not_refused(path):
 
 @pytest.mark.parametrize("name", [*NAMES, "0/marks", "scene.json"])
 def test_a_flipped_bit_anywhere(path, name):
-    store = bfrt.open(path)
+    store = open_store(path)
     store.verify()
     file = path / name
     whole = file.read_bytes()
@@ -348,11 +347,11 @@ def test_records_in_another_order(path):
     data = file.read_bytes()
     file.write_bytes(data[24:] + data[:24])
     with pytest.raises(StoreError, match="boxes: the contents differ from what was written"):
-        bfrt.open(path).verify()
+        open_store(path).verify()
 
 
 def test_materials_are_checked_as_they_are_read(path):
-    store = bfrt.open(path)
+    store = open_store(path)
     assert store.materials()["kd"].tolist() == [0, 0.125, 0.25]
     data = bytearray((path / "palette").read_bytes())
     data[5] ^= 1
@@ -365,7 +364,7 @@ def test_materials_are_checked_as_they_are_read(path):
 
 
 def test_a_file_that_went_away_after_opening(path):
-    store = bfrt.open(path)
+    store = open_store(path)
     shutil.rmtree(path)
     with pytest.raises(StoreError, match="not a scene store"):
         store.verify()

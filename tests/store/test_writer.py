@@ -24,6 +24,7 @@ from bfrt.errors import DiskFullError, SceneError, SettingError, StoreError, Str
 from bfrt.records import Kind
 from bfrt.store import writer as writer_module
 from bfrt.store.model import Camera, Light, Material
+from bfrt.store.store import open_store
 from bfrt.store.writer import StoreWriter
 
 UTM = np.array([500_000.0, 5_400_000.0, 300.0])
@@ -83,7 +84,7 @@ def test_geometry_is_stored_untouched(folder, dtype):
     tables, counts = scene(dtype=dtype)
     with StoreWriter(folder / "a.bfrt") as writer:
         give(writer, tables, counts)
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     store.verify()
     assert [stream.kind for stream in store.streams] == list(Kind)
     for stream in store.streams:
@@ -103,8 +104,8 @@ def test_boxes_are_the_tightest_around_the_vertices(folder, dtype, kind):
     tables, _ = scene(n=400, dtype=dtype)
     with StoreWriter(folder / "a.bfrt") as writer:
         writer.append(kind, tables[kind])
-    (stream,) = bfrt.open(folder / "a.bfrt").streams
-    origin = np.array(bfrt.open(folder / "a.bfrt").origin)
+    (stream,) = open_store(folder / "a.bfrt").streams
+    origin = np.array(open_store(folder / "a.bfrt").origin)
     assert origin.any() == (dtype == np.float64)
     corners = tables[kind][:, :9].astype(np.float64).reshape(-1, 3, 3) - origin
     boxes = boxes_of(stream)
@@ -121,7 +122,7 @@ def test_boxes_hold_cones_and_polygons(folder, dtype):
     tables, counts = scene(n=400, dtype=dtype)
     with StoreWriter(folder / "a.bfrt") as writer:
         give(writer, tables, counts)
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     cones, polygons = store.streams[Kind.CONE], store.streams[Kind.POLYGON]
     # Cones: circles of 64 points around both ends.
     data = tables[Kind.CONE].astype(np.float64)
@@ -154,7 +155,7 @@ def test_bounds_are_those_of_all_objects(folder, dtype):
     tables, counts = scene(n=300, dtype=dtype)
     with StoreWriter(folder / "a.bfrt", origin=(1.0, 2.0, 3.0)) as writer:
         give(writer, tables, counts)
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     center, radius = np.split(tables[Kind.SPHERE].astype(np.float64), [3], axis=1)
     others = np.vstack([boxes_of(s) for s in store.streams if s.kind != Kind.SPHERE])
     lo = np.minimum((center - np.abs(radius) - store.origin).min(axis=0), others[:, :3].min(axis=0))
@@ -169,7 +170,7 @@ def test_a_5_cm_triangle_at_utm_coordinates(folder):
     corners = UTM + SMALL
     with StoreWriter(folder / "a.bfrt") as writer:
         writer.triangles(corners)
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     np.testing.assert_allclose(store.origin, UTM, atol=0.05)
     box = boxes_of(store.streams[0])[0].astype(np.float64)
     sides = box[3:] - box[:3]
@@ -181,7 +182,7 @@ def test_a_5_cm_triangle_survives_as_float32(folder):
     corners = UTM + SMALL
     with StoreWriter(folder / "a.bfrt", dtype="float32") as writer:
         writer.triangles(corners)
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     (stream,) = store.streams
     assert not stream.wide
     assert stream.degenerate == 0
@@ -195,7 +196,7 @@ def test_dtype_overrides(folder, dtype, given):
     tables, counts = scene(dtype=given)
     with StoreWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0)) as writer:
         give(writer, tables, counts)
-    for stream in bfrt.open(folder / "a.bfrt").streams:
+    for stream in open_store(folder / "a.bfrt").streams:
         expected = tables[stream.kind].astype(dtype)
         assert stream.path("geometry").read_bytes() == expected.tobytes()
         assert stream.wide == (dtype == "float64")
@@ -213,7 +214,7 @@ def test_normals_and_radii_are_not_moved(folder):
         Kind.PATCH: [*origin] * 3 + [0] * 9,
         Kind.POLYGON: origin,
     }
-    for stream in bfrt.open(folder / "a.bfrt").streams:
+    for stream in open_store(folder / "a.bfrt").streams:
         expected = (tables[stream.kind] - np.array(moved[stream.kind])).astype(np.float32)
         assert stream.path("geometry").read_bytes() == expected.tobytes()
 
@@ -224,7 +225,7 @@ def test_numbers_in_any_byte_order(folder, order, size):
     centers = np.arange(12).reshape(4, 3).astype(f"{order}f{size}")
     with StoreWriter(folder / "a.bfrt") as writer:
         writer.spheres(centers, 1)
-    (stream,) = bfrt.open(folder / "a.bfrt").streams
+    (stream,) = open_store(folder / "a.bfrt").streams
     records = np.fromfile(stream.path("geometry"), f"<f{size}").reshape(-1, 4)
     np.testing.assert_array_equal(records[:, :3], centers)
     np.testing.assert_array_equal(records[:, 3], 1)
@@ -237,7 +238,7 @@ def test_polygons_of_three_are_triangles(folder):
     with StoreWriter(folder / "a.bfrt") as writer:
         numbers = [writer.material(Material(kd=kd / 8)) for kd in range(5)]
         writer.polygons(vertices, counts, numbers)
-    triangles, polygons = bfrt.open(folder / "a.bfrt").streams
+    triangles, polygons = open_store(folder / "a.bfrt").streams
     parts = np.split(vertices, np.cumsum(counts)[:-1])
     for stream, which in ((triangles, [0, 2, 3]), (polygons, [1, 4])):
         expected = np.concatenate([parts[i] for i in which])
@@ -302,7 +303,7 @@ def test_empty_calls_add_nothing(folder):
     with StoreWriter(folder / "a.bfrt") as writer:
         give(writer, *scene(n=0))
         writer.spheres(np.empty((0, 3)), np.empty(0))
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     assert store.objects == 0
     assert store.bounds.empty
     assert store.groups[0].gridded == 0
@@ -317,7 +318,7 @@ def test_the_view_and_the_lights(folder):
         for light in lights:
             writer.light(light)
         assert writer.complete() is not None
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     assert store.camera == CAMERA
     assert store.lights == lights
     assert store.background == (0.25, 0.5, 1.0)
@@ -331,7 +332,7 @@ def test_numpy_numbers_in_the_view_and_the_lights(folder):
         )
         writer.light(Light(three, three))
         writer.background(three)
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     assert store.camera == Camera((1, 2, 3), (0, 1, 2), (0, 0, 1), 30.0, 1.0, (4, 3))
     assert store.lights == [Light((0, 1, 2), (0, 1, 2))]
 
@@ -343,7 +344,7 @@ def test_bad_lights_are_refused_when_they_are_given(folder):
                 writer.light(light)
         with pytest.raises(SceneError, match="background"):
             writer.background((np.inf, 0, 0))
-    assert bfrt.open(folder / "a.bfrt").lights == []
+    assert open_store(folder / "a.bfrt").lights == []
 
 
 # --- materials -----------------------------------------------------------------------------------
@@ -387,7 +388,7 @@ def test_many_materials_of_a_block_before_the_first_difference(folder, monkeypat
             writer.material(Material(kd=kd))
         writer.spheres(np.zeros((25, 3), np.float32), 1.0, 2)
         writer.spheres(np.zeros((1, 3), np.float32), 1.0, 0)
-    (stream,) = bfrt.open(folder / "a.bfrt").streams
+    (stream,) = open_store(folder / "a.bfrt").streams
     assert np.fromfile(stream.path("materials"), "u1").tolist() == [2] * 25 + [0]
 
 
@@ -395,7 +396,7 @@ def test_a_material_is_stored_once(folder):
     red, blue = Material((1, 0, 0), ks=0.5), Material((0, 0, 1))
     with StoreWriter(folder / "a.bfrt") as writer:
         assert [writer.material(m) for m in (red, blue, red, blue)] == [0, 1, 0, 1]
-    palette = bfrt.open(folder / "a.bfrt").materials()
+    palette = open_store(folder / "a.bfrt").materials()
     assert palette["red"].tolist() == [1, 0]
     assert palette["ks"].tolist() == [0.5, 0]
 
@@ -418,7 +419,7 @@ def test_a_bad_material_index_is_refused(folder, bad):
         if bad == [0, -7]:
             assert "index -7" in str(caught.value)
         writer.spheres(np.zeros((2, 3), np.float32), 1.0, [0, 1])
-    assert bfrt.open(folder / "a.bfrt").objects == 2
+    assert open_store(folder / "a.bfrt").objects == 2
 
 
 # --- what is refused -----------------------------------------------------------------------------
@@ -433,7 +434,7 @@ def test_degenerate_objects_are_counted_and_reported_once(folder, caplog):
         writer.spheres(np.zeros((2, 3), np.float32), [0.0, 1.0])
         writer.cones([[0, 0, 0]] * 2, 1, [[0, 0, 0], [0, 0, 1]], [1, 0], 0)
         writer.polygons(np.ones((4, 3), np.float32), [4])
-    store = bfrt.open(folder / "a.bfrt")
+    store = open_store(folder / "a.bfrt")
     assert [s.degenerate for s in store.streams] == [1, 1, 2, 1]
     assert [s.count for s in store.streams] == [2, 2, 3, 1]
     assert store.groups[0].gridded + len(store.groups[0].outliers) == 3
@@ -525,7 +526,7 @@ def test_wrong_shapes_are_refused_and_the_writer_goes_on(folder, method, argumen
         with pytest.raises(SceneError, match=message):
             getattr(writer, method)(*arguments)
         writer.spheres(N3, 1)
-    assert bfrt.open(folder / "a.bfrt").objects == 4
+    assert open_store(folder / "a.bfrt").objects == 4
 
 
 def test_a_wide_block_after_a_narrow_one_is_refused(folder):
@@ -592,7 +593,7 @@ def test_a_store_of_another_version_may_be_replaced(folder):
     path.mkdir()
     (path / "scene.json").write_text('{"magic": "bfrt scene store", "version": 0}')
     StoreWriter(path).complete()
-    assert bfrt.open(path).objects == 0
+    assert open_store(path).objects == 0
 
 
 @pytest.mark.parametrize("there", ["file", "folder", "project", "scene.json of others", "damaged"])
@@ -627,7 +628,7 @@ def test_a_link_stays_a_link(tmp_path):
     assert link.is_symlink()
     assert [p.name for p in (tmp_path / "there").iterdir()] == ["b.bfrt"]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bfrt", "there"]
-    assert bfrt.open(link).objects == 4
+    assert open_store(link).objects == 4
 
 
 def test_two_writers_of_one_store_do_not_meet(folder):
@@ -636,7 +637,7 @@ def test_two_writers_of_one_store_do_not_meet(folder):
     two.spheres(N3[:2], 1)
     assert one.complete().objects == 4
     assert two.complete().objects == 2
-    bfrt.open(folder / "a.bfrt").verify()
+    open_store(folder / "a.bfrt").verify()
 
 
 def test_a_long_name(folder):
@@ -650,14 +651,14 @@ def test_a_closed_writer_takes_no_more(folder):
         writer.spheres(N3, 1)
         writer.complete()  # and leaving the block is fine
     for call in (
-        writer.close,
+        writer.complete,
         lambda: writer.spheres(N3, 1),
         lambda: writer.polygons(N3, [4]),
         lambda: writer.material(Material(kd=0.125)),
     ):
         with pytest.raises(SettingError, match="the writer is closed"):
             call()
-    assert bfrt.open(folder / "a.bfrt").objects == 4
+    assert open_store(folder / "a.bfrt").objects == 4
 
 
 def test_half_a_block_is_never_kept(folder, monkeypatch):
@@ -719,7 +720,7 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
                 replaced = False
         assert open_files() == before
         if replaced:
-            bfrt.open(path).verify()
+            open_store(path).verify()
             for left in folder.glob(".*"):  # only the old store, and not in silence
                 assert left.suffix == ".old"
                 assert "could not be removed" in caplog.text
@@ -759,7 +760,7 @@ def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
     monkeypatch.setattr(Path, "rename", interrupted)
     if when == "old away" and not replaces:
         writer.complete()
-        assert bfrt.open(path).objects == 4
+        assert open_store(path).objects == 4
         return
     with pytest.raises(KeyboardInterrupt):
         writer.complete()
@@ -834,10 +835,10 @@ def test_a_killed_writer_leaves_nothing_that_opens(tmp_path, after):
     process.communicate()
     for left in tmp_path.iterdir():
         if left == path:
-            bfrt.open(left).verify()  # it was faster than the signal
+            open_store(left).verify()  # it was faster than the signal
         else:
             with pytest.raises(StoreError, match="not a scene store"):
-                bfrt.open(left)
+                open_store(left)
     with StoreWriter(path) as writer:  # and nothing is in the way of another try
         writer.spheres(N3, 1)
-    assert bfrt.open(path).objects == 4
+    assert open_store(path).objects == 4

@@ -1,0 +1,138 @@
+"""Settings are checked once, where they come in: what cannot be honoured is one sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bfrt
+from bfrt.errors import SettingError
+from bfrt.memory import default_memory
+from bfrt.settings import REFINEMENTS, Settings, at_least_one, scratch_folder
+from bfrt.workers import usable_threads
+
+NO_MEMORY = "expected an amount such as 256MiB or 1.5GB"
+NO_COUNT = "expected a whole number of 1 or more"
+
+#: What every render, plan and query refuses, and what it says.
+REFUSED = [
+    ("memory", "lots", f"memory: found 'lots', {NO_MEMORY}"),
+    ("memory", 1.5, f"memory: found 1.5, {NO_MEMORY}"),
+    ("memory", True, f"memory: found True, {NO_MEMORY}"),
+    ("threads", 0, f"threads: found 0, {NO_COUNT}"),
+    ("threads", -1, f"threads: found -1, {NO_COUNT}"),
+    ("threads", 2.0, f"threads: found 2.0, {NO_COUNT}"),
+    ("threads", True, f"threads: found True, {NO_COUNT}"),
+    ("threads", "2", f"threads: found '2', {NO_COUNT}"),
+    ("refine", "fast", "refine: found 'fast', expected one of base, sg, sgb"),
+    ("refine", "SGB", "refine: found 'SGB', expected one of base, sg, sgb"),
+    ("grid", 0, f"grid: found 0, {NO_COUNT}"),
+    ("grid", 1.5, f"grid: found 1.5, {NO_COUNT}"),
+    ("max_grid", -7, f"max_grid: found -7, {NO_COUNT}"),
+    ("max_grid", "x", f"max_grid: found 'x', {NO_COUNT}"),
+    ("scratch", "/no/such/folder", "scratch: found /no/such/folder, expected a folder that is there"),
+]
+
+#: What a view refuses beside those.
+REFUSED_OF_A_VIEW = [
+    ("samples", 0, f"samples: found 0, {NO_COUNT}"),
+    ("samples", 1.0, f"samples: found 1.0, {NO_COUNT}"),
+    ("depth", 0, f"depth: found 0, {NO_COUNT}"),
+    ("depth", None, f"depth: found None, {NO_COUNT}"),
+    ("aovs", "albedo", "aovs: found 'albedo', expected a sequence of position, albedo"),
+    ("aovs", ["Q"], "aovs: found 'Q', expected a sequence of position, albedo"),
+]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return bfrt.spd.tetra(2).write(tmp_path_factory.mktemp("settings") / "t.bfrt")
+
+
+def refusal(ask, **settings):
+    """The sentence in which settings are refused."""
+    with pytest.raises(SettingError) as caught:
+        ask(**settings)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(("name", "value", "said"), REFUSED)
+def test_each_is_refused_in_one_sentence(scene, name, value, said):
+    assert refusal(Settings.of, **{name: value}) == said
+    assert refusal(scene.render, **{name: value}) == said
+    assert refusal(scene.plan, **{name: value}) == said
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    for query in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
+
+        def ask(query=query, **settings):
+            return getattr(scene, query)(*rays, **settings)
+
+        assert refusal(ask, **{name: value}) == said
+
+
+@pytest.mark.parametrize(("name", "value", "said"), REFUSED_OF_A_VIEW)
+def test_those_of_a_view_too(scene, name, value, said):
+    assert refusal(scene.render, **{name: value}) == said
+    assert refusal(scene.plan, **{name: value}) == said
+
+
+def test_a_file_is_no_folder(scene, tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    assert refusal(scene.render, scratch=file) == (
+        f"scratch: found {file}, expected a folder that is there"
+    )
+
+
+def test_what_nobody_sets():
+    settings = Settings.of()
+    assert settings == Settings(default_memory(), usable_threads(), REFINEMENTS["sgb"])
+    assert (settings.grid, settings.max_grid, settings.scratch) == (None, None, None)
+    assert settings.fresh_marks is False
+
+
+def test_words_become_values(tmp_path):
+    settings = Settings.of(
+        memory="1MiB", threads=np.int32(3), refine="sg", grid=np.uint8(4), max_grid=5,
+        fresh_marks=True, scratch=str(tmp_path),
+    )  # fmt: skip
+    assert settings == Settings(1 << 20, 3, REFINEMENTS["sg"], 4, 5, True, tmp_path)
+    assert type(settings.threads) is type(settings.grid) is int
+    assert hash(settings) == hash(Settings.of(
+        memory=1 << 20, threads=3, refine="sg", grid=4, max_grid=5, fresh_marks=True,
+        scratch=tmp_path,
+    ))  # fmt: skip
+
+
+def test_each_refinement_has_those_before_it():
+    made = list(REFINEMENTS.values())
+    assert [each.name for each in made] == list(REFINEMENTS) == ["base", "sg", "sgb"]
+    assert [(each.lazy, each.hierarchy) for each in made] == [
+        (False, False), (True, False), (True, True),
+    ]  # fmt: skip
+
+
+@given(st.integers())
+def test_whole_numbers_of_one_or_more(value):
+    if value >= 1:
+        assert at_least_one("n", value) == value
+    else:
+        with pytest.raises(SettingError, match=f"n: found {value}, {NO_COUNT}"):
+            at_least_one("n", value)
+
+
+def test_scratch_is_beside_unless_it_is_asked_for(tmp_path, monkeypatch):
+    store = tmp_path / "a.bfrt"
+    (tmp_path / "other").mkdir()
+    assert scratch_folder(None, store) == tmp_path.resolve()
+    assert scratch_folder(tmp_path / "other", store) == tmp_path / "other"
+    assert Settings.of(scratch=tmp_path / "other").scratch_beside(store) == tmp_path / "other"
+    assert Settings.of().scratch_beside(store) == tmp_path.resolve()
+    monkeypatch.setattr("os.access", lambda *_: False)
+    monkeypatch.setattr("tempfile.gettempdir", lambda: "/else/where")
+    assert Settings.of().scratch_beside(store) == Path("/else/where")
