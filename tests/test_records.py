@@ -97,7 +97,8 @@ def test_enumerations_are_the_same():
         assert found[kind.name] == kind
     for why in records.RayKind:
         assert found[why.name] == why
-    named = ("RAY_BITS", "FACE_BITS", "INDEX_BITS", "BOX_BYTES", "CODE_BYTES", "OFFSET_BYTES")
+    named = ("RAY_BITS", "FACE_BITS", "INDEX_BITS", "BOX_BYTES", "CODE_BYTES", "OFFSET_BYTES",
+             "KIND_BITS", "STREAM_BITS")  # fmt: skip
     for name in named:
         assert found[name] == getattr(records, name)
     assert len(found) == len(records.Kind) + len(records.RayKind) + len(named)

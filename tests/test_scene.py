@@ -119,8 +119,8 @@ def test_geometries_explain_the_ids(scene, expected):
     spheres, triangles = int(Kind.SPHERE), int(Kind.TRIANGLE)
     assert scene.geometries == {
         spheres: Geometry(0, Kind.SPHERE, 300),
-        len(Kind) + spheres: Geometry(1, Kind.SPHERE, 300),
-        len(Kind) + triangles: Geometry(1, Kind.TRIANGLE, 200),
+        16 + spheres: Geometry(1, Kind.SPHERE, 300),
+        16 + triangles: Geometry(1, Kind.TRIANGLE, 200),
     }
     hits = expected["cast_rays"]
     hit = hits["geometry_ids"] >= 0

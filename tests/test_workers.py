@@ -156,17 +156,29 @@ def test_one_thread_works_in_the_caller():
     assert names == {threading.current_thread().name}
 
 
-def test_steps_are_repeated_until_there_are_none(workers):
-    left = iter(range(1000))
+class Numbers:
+    """Hands out numbers."""
+
+    def __init__(self, count, short=False):
+        self.left = iter(range(count))
+        self.short = short
+
+    def next(self, worker):
+        return next(self.left, None)
+
+
+def test_a_source_is_drained(workers):
     done = []
-
-    def step(_):
-        found = next(left, None)
-        if found is not None:
-            done.append(found)
-        return found is not None
-
-    workers.repeat(step)
+    workers.drain(Numbers(1000), lambda worker, number: done.append(number))
     assert sorted(done) == list(range(1000))
-    workers.repeat(step, alone=True)
-    assert len(done) == 1000
+    names = set()
+    workers.drain(
+        Numbers(100, short=True), lambda *_: names.add(threading.current_thread().name)
+    )
+    assert names == {threading.current_thread().name}
+
+
+def test_each_worker_is_called_once(workers):
+    called = []
+    workers.each(called.append)
+    assert sorted(called) == list(range(workers.threads))

@@ -40,10 +40,11 @@ def table_of(occupied):
 
 def cuts_of(bricks, capacity):
     """The first layer of each slab, and the one beyond the last: layers have so many bricks."""
-    cuts, held = [0], 0
+    cuts, first, held = [0], 0, 0
     for layer, n in enumerate(bricks.tolist()):
-        if held + n > capacity and layer > cuts[-1]:
-            cuts.append(layer)
+        if held + n > capacity and layer > first:
+            first = layer
+            cuts.append(first)
             held = 0
         held += n
     return [*cuts, len(bricks)]

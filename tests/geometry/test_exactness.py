@@ -15,6 +15,7 @@ from scenes import flat_scene, joined, lattice_scene, random_objects, random_ray
 
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
+from bfrt.phases import traversal
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
@@ -277,7 +278,7 @@ def test_rule_6_far_origins_are_advanced(tmp_path):
     assert (np.abs(eye["oy"]) < 100).all()
 
 
-def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path):
+def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path, monkeypatch):
     rng = np.random.default_rng(7)
     lattice = Lattice([-1.0] * 3, [1.0] * 3, (9, 10, 11), 1e-9)
     resumed = 0
@@ -292,8 +293,8 @@ def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path):
     store = fast.write(objects, tmp_path / "s.bfrt", origin=ORIGIN)
     rays = rays_of(rng, objects, 30)
     once = fast.nearest(store, *rays, tmp_path)
-    n = len(rays[0])
-    capacities = fast.limited(replace(fast.ROOMY, rays=n, candidates=n), voxels=20**3)
+    monkeypatch.setattr(traversal, "quota", lambda *_, **__: 1)
+    capacities = fast.limited(fast.ROOMY, voxels=20**3)
     many = fast.nearest(store, *rays, tmp_path, capacities)
     np.testing.assert_array_equal(many.ids, once.ids)
     np.testing.assert_array_equal(many.t, once.t)
@@ -304,11 +305,10 @@ def walker(t, voxel, face):
     """A pool with a ray on its way up through the middle of a lattice, its nearest hit so far at
     t."""
     pool = RayPool(1, 8)
-    (ray,), _ = pool.all
-    ray[...] = np.zeros((), RAY)
-    for name, value in zip(("ox", "oy", "oz", "dz"), (0.5, 0.5, -1.0, 1.0), strict=True):
-        ray[name] = value
-    ray["t"], ray["voxel"], ray["face"], ray["kind"] = t, voxel, face, RayKind.REFLECTION
+    rays, _ = pool.all
+    rays[:] = np.zeros(1, RAY)
+    rays[["ox", "oy", "oz", "dz"]] = (0.5, 0.5, -1.0, 1.0)
+    rays[["t", "voxel", "face", "kind"]] = (t, voxel, face, RayKind.REFLECTION)
     pool.come(1)
     return pool
 

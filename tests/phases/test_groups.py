@@ -11,7 +11,7 @@ from scenes import random_objects, units
 
 import bfrt
 from bfrt.errors import SettingError
-from bfrt.records import INDEX_BITS, Kind
+from bfrt.records import INDEX_BITS, KIND_BITS, Kind
 from bfrt.reference import exhaustive
 from bfrt.store.store import open_store
 
@@ -53,7 +53,7 @@ def test_nearest_and_occluded_are_the_references(tmp_path, groups, capacities):
         t, ids = exhaustive.nearest(several, origins, directions)
         np.testing.assert_array_equal(found.t, t)
         np.testing.assert_array_equal(found.ids, ids)
-        seen = np.unique(ids[np.isfinite(t)] >> np.uint64(INDEX_BITS)) // len(Kind)
+        seen = np.unique(ids[np.isfinite(t)] >> np.uint64(INDEX_BITS)) >> np.uint64(KIND_BITS)
         assert set(seen.tolist()) == set(range(groups))
         dark = fast.occluded(several, origins, directions, tmp_path, capacities)
         np.testing.assert_array_equal(dark, t < fast.SHADOW_END)

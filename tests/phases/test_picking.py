@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bfrt.budget import SHADED_HIT_BYTES
+from bfrt.phases.shading import SHADED_HIT_BYTES
 from bfrt.phases.picking import by_object
 from bfrt.records import HIT, INDEX_BITS
 from bfrt.streams.spool import Spool
@@ -27,7 +27,7 @@ def groups(lazy=True, record=1000):
         for n, c in COUNTS.items()
     ]
     return [
-        SimpleNamespace(lazy=lazy, group=SimpleNamespace(streams=some))
+        SimpleNamespace(lazy=lazy, streams=some)
         for some in (streams[:2], streams[2:])
     ]
 

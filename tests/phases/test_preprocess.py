@@ -19,11 +19,13 @@ from bfrt.phases.partition import partition_of
 from bfrt.phases.preprocess import lattice_of, layout_of
 from bfrt.phases.subspace import Subspace
 from bfrt.records import Kind
+from bfrt.scan.files import StreamFiles
+from bfrt.scan.scan import StreamScan
+from bfrt.scan.scans import GroupScans
 from bfrt.settings import REFINEMENTS, Settings
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.marks import BRICK, BRICK_BYTES, marks_path, open_marks
 from bfrt.store.store import open_store
-from bfrt.store.sweep import Sweep
 from bfrt.stats import Counters
 from bfrt.workers import Workers
 
@@ -71,7 +73,9 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
     capacities = replace(fast.limited(fast.ROOMY, voxels=24**3), subspace=subspace, threads=2)
     workers = Workers(2)
     settings = Settings(0, 2, REFINEMENTS[refine], scratch=tmp_path)
-    Field(store, group, workers, capacities, settings).preprocess(True, Counters())
+    scans = GroupScans(store, group, 2, 4096, settings.refinement.lazy)
+    field = Field(store, group, settings, capacities.limits, scans, workers)
+    field.preprocess(capacities.subspace, Counters(), fresh=True)
     workers.close()
     cut = partition_of(group, capacities.limits)
     lattice = lattice_of(store, group, cut.shape, cut.axis)
@@ -97,9 +101,10 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
     with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(bits=bits)) as writer:
         writer.append(kind, corners if kind == Kind.TRIANGLE else corners[:, :4].copy())
     (stream,) = open_store(tmp_path / "a.bfrt").streams
-    sweep = Sweep(stream, (0.0,) * 3, np.empty(0, np.int64), 1 << 18, lazy=True)
-    sweep.rewind(asked=True)
-    sweep.window(0, 90_020)
+    files = StreamFiles(stream, lazy=True)
+    scan = StreamScan(stream, (0.0,) * 3, files, np.empty(0, np.int64), 1 << 18)
+    scan.rewind(asked=True)
+    scan.window(0, 90_020)
     lattice = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
     marks = np.zeros(lattice.layered, np.uint8)
     gap = (1 << 14) // width  # that is read through
@@ -107,12 +112,11 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
     c = b + 10 + gap + 1
     ranges = np.array([[5, 10], [b, b + 10], [c, c + 10], [30_000, 70_000], [90_000, 90_010]])
     parents = np.array([[0, 0, 0, 1, 1, 1]] * 5, np.float32) if stream.quantised else None
-    mark(sweep, ranges, parents, lattice, Subspace(lattice, 0, 4), marks)
+    mark(scan, ranges, parents, lattice, Subspace(lattice, 0, 4), marks)
     assert marks.any()
-    read = {Path(tape.path).name: tape.counts()[0] for tape in sweep.tapes}
     wanted = (b + 10 - 5) + 10 + 40_000 + 10
-    assert read.pop(name) == width * wanted
-    assert not any(read.values())
+    assert files.counts()[0] == width * wanted
+    assert name in stream.files
 
 
 def test_quantised_boxes_of_another_hierarchy_have_other_marks(tmp_path):

@@ -13,12 +13,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import random_objects
 
+from bfrt.ids import object_id
 from bfrt.errors import StoreError, StreamError
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store.header import header_text
 from bfrt.store.marks import Layout, marks_path, writing_marks
 from bfrt.store.model import Camera, Light, Material
-from bfrt.store.store import has_magic, object_id, open_store
+from bfrt.store.store import has_magic, open_store
 from bfrt.store.writer import StoreWriter
 
 HUGE = [[-1e4, -1e4, 0], [1e4, -1e4, 0], [0, 1e4, 0]]
