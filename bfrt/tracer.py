@@ -26,10 +26,10 @@ from bfrt.phases.crossings import Crossings
 from bfrt.phases.field import Field
 from bfrt.phases.traversal import Ends, Flight, Queue, Sink
 from bfrt.records import HIT
-from bfrt.store.objects import Objects
-from bfrt.store.store import Store
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
+from bfrt.store.objects import Objects
+from bfrt.store.store import Store
 from bfrt.streams.spool import Spool
 from bfrt.workers import Workers
 

@@ -12,11 +12,11 @@ from bfrt.phases.selection import Selections
 from bfrt.phases.slabs import Slabs
 from bfrt.phases.traversal import Flight, Ground
 from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.settings import Settings
+from bfrt.stats import Counters
 from bfrt.store.marks import Marks
 from bfrt.store.objects import Objects
 from bfrt.store.store import Group, Store
-from bfrt.settings import Settings
-from bfrt.stats import Counters
 from bfrt.workers import Workers
 
 if TYPE_CHECKING:

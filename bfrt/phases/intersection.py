@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from bfrt.phases._intersection import intersect, settle
 from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
 from bfrt.phases.traversal import Flight
+from bfrt.stats import Counters
 from bfrt.store.objects import Objects
 from bfrt.store.sweep import Sweep
-from bfrt.stats import Counters
 
 
 def intersect_all(

@@ -22,6 +22,7 @@ from bfrt.phases._slabs import pack
 from bfrt.phases.partition import Partition, subspaces
 from bfrt.phases.selection import Parents, Selections, sweep_all, sweep_near
 from bfrt.phases.subspace import Subspace
+from bfrt.stats import Counters
 from bfrt.store.marks import (
     BRICK,
     BRICK_BYTES,
@@ -37,7 +38,6 @@ from bfrt.store.marks import (
 from bfrt.store.objects import Objects
 from bfrt.store.store import Group, Store
 from bfrt.store.sweep import Sweep
-from bfrt.stats import Counters
 
 Bytes = NDArray[np.uint8]
 

@@ -13,10 +13,10 @@ from bfrt.geometry.lattice import Lattice
 from bfrt.phases._selection import Selection
 from bfrt.phases.subspace import Subspace
 from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.stats import Phase
 from bfrt.store.objects import FEWEST, Choose, End, Objects
 from bfrt.store.store import Store, Stream
 from bfrt.store.sweep import Sweep
-from bfrt.stats import Phase
 from bfrt.workers import chunk_of
 
 #: Bytes of a level's read buffer.

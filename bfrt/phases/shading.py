@@ -17,13 +17,12 @@ from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
 from bfrt.phases.picking import by_object, each_hit
 from bfrt.records import HIT_BYTES, INDEX_BITS, MATERIAL_BYTES, QUEUED, QUEUED_BYTES
-from bfrt.store.objects import Objects
+from bfrt.stats import Counters
 from bfrt.store.model import Light
+from bfrt.store.objects import Objects
 from bfrt.store.store import Store
 from bfrt.store.sweep import Sweep
-from bfrt.stats import Counters
 from bfrt.streams.spool import Spool
-
 
 #: A hit that is shaded: itself, its sorted copy, its id and its place in the order.
 SHADED_HIT_BYTES = 2 * HIT_BYTES + 16

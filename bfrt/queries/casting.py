@@ -26,15 +26,15 @@ from bfrt.budget import Capacities
 from bfrt.errors import SettingError
 from bfrt.phases.crossings import Crossings
 from bfrt.phases.picking import by_object, each_hit
+from bfrt.progress import Progress, Report, tell
 from bfrt.queries._rays import surfaces
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
-from bfrt.progress import Progress, Report, tell
 from bfrt.queries.rays import AskedRays, Block, Given, rays_of
 from bfrt.records import ASKED, HIT, INDEX_BITS, NO_HIT, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
-from bfrt.store.sweep import Sweep
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats, peak_rss
+from bfrt.store.sweep import Sweep
 from bfrt.streams.spool import Spool
 from bfrt.tracer import Outcome, Tracer
 
@@ -142,7 +142,9 @@ class Asking:
         self._report = report
         self._start = time.perf_counter()
 
-    def trace(self, take: Callable[[NDArray[Any]], None], crossings: Crossings | None = None) -> None:
+    def trace(
+        self, take: Callable[[NDArray[Any]], None], crossings: Crossings | None = None
+    ) -> None:
         """Take all rays through the scene; `take` gets them as they are complete."""
         self.tracer.begin(self.stats)
         with self.stats.depth(1) as counters:
@@ -310,9 +312,7 @@ class Answers:
         self._spool.close()
 
 
-def _resolve(
-    asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]
-) -> None:
+def _resolve(asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]) -> None:
     """Find normals and uv of hits, object by object."""
     counters = Counters()
     with counters.phases.shading.timed():

@@ -20,11 +20,11 @@ from bfrt.phases.preprocess import lattice_of, layout_of
 from bfrt.phases.subspace import Subspace
 from bfrt.records import Kind
 from bfrt.settings import REFINEMENTS, Settings
+from bfrt.stats import Counters
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.marks import BRICK, BRICK_BYTES, marks_path, open_marks
 from bfrt.store.store import open_store
 from bfrt.store.sweep import Sweep
-from bfrt.stats import Counters
 from bfrt.workers import Workers
 
 #: A voxel's bits that are marks.
