@@ -21,10 +21,10 @@ from bfrt.phases.slabs import Slabs
 from bfrt.phases.traversal import CANDIDATES_A_RAY, FEWEST_RAYS, FLYING_BYTES
 from bfrt.phases.voxel_rays import BLOCK_BYTES, UPPER_BYTES, VoxelRays
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
-from bfrt.store.marks import MARKS_BUFFER
 from bfrt.scan.scans import READ_BUFFER, GroupScans
-from bfrt.store.store import Store
 from bfrt.settings import Settings
+from bfrt.store.marks import MARKS_BUFFER
+from bfrt.store.store import Store
 
 #: Of what a budget leaves, at the most: a slab; upper voxels that are voxels, or larger ones;
 #: blocks; before there are rays, a subspace. Of what the grid leaves, rays in flight.

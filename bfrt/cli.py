@@ -27,13 +27,13 @@ from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
 from bfrt.scene import Scene, open_scene
 from bfrt.settings import FINEST, REFINEMENTS, at_least_one, scratch_folder
+from bfrt.spd.mount import HASHES
+from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
 from bfrt.store.model import Camera
 from bfrt.store.store import Store, bounds_to, open_store
-from bfrt.view import aovs_of
-from bfrt.spd.mount import HASHES
-from bfrt.spd.recipe import SpdScene
 from bfrt.streams.aside import aside
+from bfrt.view import aovs_of
 
 BAD_INPUT = 1
 WRONG_USE = 2

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.memory import default_memory, parse_memory
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.hdf5 import read_hdf5
 from bfrt.formats.las import read_las
@@ -24,13 +23,14 @@ from bfrt.formats.outlet import SceneSink
 from bfrt.formats.ply import read_ply
 from bfrt.formats.reading import Reading
 from bfrt.formats.stl import read_stl
+from bfrt.memory import default_memory, parse_memory
 from bfrt.records import Kind
-from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.model import Camera, Light, Vector
-from bfrt.store.store import HEADER
 from bfrt.scene import Scene, SceneWriter, open_scene
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Camera, Light, Vector
+from bfrt.store.store import HEADER
 from bfrt.workers import usable_threads
 
 Source = str | os.PathLike[str]

@@ -10,9 +10,9 @@ from bfrt.image.canvas import Canvas
 from bfrt.image.film import Film
 from bfrt.image.picture import Image
 from bfrt.progress import Report
-from bfrt.store.store import Store
 from bfrt.scheduler import Render
 from bfrt.stats import Stats, peak_rss
+from bfrt.store.store import Store
 from bfrt.tracer import Tracer
 from bfrt.view import View
 
@@ -76,8 +76,8 @@ def develop(film: Film, canvas: Canvas) -> None:
 
 
 def describe(store: Store, view: View) -> dict[str, str]:
-    """Return metadata: the scene and what changes the picture, lights that were added to it too; not
-    threads, budget or time."""
+    """Return metadata: the scene and what changes the picture, also lights that were added to it;
+    not threads, budget or time."""
     camera = view.camera
     facts = {
         "scene": store.path.stem,

@@ -6,9 +6,11 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import wraps
+from dataclasses import dataclass
+from functools import update_wrapper
+from inspect import signature
 from pathlib import Path
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,7 +42,8 @@ PathLike = str | os.PathLike[str]
 Divide = Callable[[Store, Settings, FrameSize], Capacities]
 
 
-class Geometry(NamedTuple):
+@dataclass(frozen=True)
+class Geometry:
     """The objects of one kind in one group, as ``geometry_ids`` count them.
 
     Attributes
@@ -231,9 +234,10 @@ class Scene:
     ) -> Camera:
         """The camera that frames a scene: from the front, a little to the right and above.
 
-        It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius is
-        half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal angle of
-        view. So the sphere around the bounds touches the edges of the picture, or two of them.
+        It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius
+        is half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal
+        angle of view. So the sphere around the bounds touches the edges of the picture, or two of
+        them.
 
         Parameters
         ----------
@@ -296,14 +300,15 @@ class Scene:
         depth : int
             Hits shaded along a path, the eye ray's included.
         aovs : sequence of {"position", "albedo"}
-            Channels that the image has beside those that it always has, of each pixel's first sample:
-            P.X P.Y P.Z, world coordinates, inf on a miss; albedo.R albedo.G albedo.B, the material's
-            color, 0 on a miss. Each takes 12 bytes a pixel, twice while the frame is in memory.
+            Channels that the image has beside those that it always has, of each pixel's first
+            sample: P.X P.Y P.Z, world coordinates, inf on a miss; albedo.R albedo.G albedo.B, the
+            material's color, 0 on a miss. Each takes 12 bytes a pixel, twice while the frame is in
+            memory.
         refine : {"sgb", "sg", "base"}
             The paper's refinements: ``base`` reads every box and all geometry wherever the original
-            algorithm does; ``sg`` reads geometry only where a ray meets its box, or hits it; ``sgb``
-            reads only the boxes below those of the hierarchy that are near rays. The picture is the
-            same.
+            algorithm does; ``sg`` reads geometry only where a ray meets its box, or hits it;
+            ``sgb`` reads only the boxes below those of the hierarchy that are near rays. The
+            picture is the same.
         fresh_marks : bool
             Make the voxel marks again, instead of using those in the store.
         grid : int, optional
@@ -330,7 +335,8 @@ class Scene:
         BudgetError
             If the budget is below the least that works, which the message names.
         SettingError
-            If a setting cannot be honoured. If there is no camera, and no object that one could frame.
+            If a setting cannot be honoured. If there is no camera, and no object that one could
+            frame.
         Cancelled
             If `progress` returned False.
         DiskFullError, StreamError
@@ -681,14 +687,18 @@ def of_scene(
 ) -> Callable[Concatenate[Scene | PathLike, Asked], Told]:
     """Make a function of a method of a scene: its first argument is a scene, or where one is."""
 
-    @wraps(method)
     def function(scene: Scene | PathLike, *args: Asked.args, **settings: Asked.kwargs) -> Told:
         if isinstance(scene, Scene):
             return method(scene, *args, **settings)
         with open_scene(scene) as opened:
             return method(opened, *args, **settings)
 
-    return function
+    update_wrapper(function, method).__qualname__ = method.__name__
+    given = signature(method)
+    first, *others = given.parameters.values()
+    shown = given.replace(parameters=[first.replace(name="scene"), *others])
+    vars(function)["__signature__"] = shown
+    return function  # type: ignore[return-value]  # it takes its first argument by name too
 
 
 framing_camera = of_scene(Scene.framing_camera)

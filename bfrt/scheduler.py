@@ -144,9 +144,7 @@ class Render:
             with counters.phases.shading.timed():
                 state.following.clear()
                 last = state.depth >= self._view.depth
-                self._shading.shade(
-                    self._tracer.scans, state.hits, state.following, last, counters
-                )
+                self._shading.shade(self._tracer.scans, state.hits, state.following, last, counters)
             for spool in (state.hits, state.waiting, state.following):
                 counters.phases.shading.spooled(spool)
         state.turn()

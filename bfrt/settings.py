@@ -1,6 +1,7 @@
 """What a caller may set, checked once, where it comes in.
 
-`Settings` are those that renders and ray queries share. None of them changes an answer or a picture.
+`Settings` are those that renders and ray queries share. None of them changes an answer or a
+picture.
 """
 
 from __future__ import annotations

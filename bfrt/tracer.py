@@ -27,9 +27,9 @@ from bfrt.phases.field import Field
 from bfrt.phases.traversal import Ends, Flight, Queue, Sink
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans
-from bfrt.store.store import Group, Store
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
+from bfrt.store.store import Group, Store
 from bfrt.streams.spool import Spool
 from bfrt.workers import Workers
 
@@ -91,9 +91,7 @@ class Tracer:
             self.fields = [self._field(group) for group in store.groups]
             with self.prepared.phases.preprocess.timed():
                 for field in self.fields:
-                    field.preprocess(
-                        capacities.subspace, self.prepared, fresh=settings.fresh_marks
-                    )
+                    field.preprocess(capacities.subspace, self.prepared, fresh=settings.fresh_marks)
             self._flight = Flight(capacities.rays, capacities.candidates, self.workers)
             room = capacities.hits if len(self.fields) > 1 else 0
             self._between = [Spool(HIT, room, self.scratch) for _ in range(2)]

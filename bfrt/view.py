@@ -9,9 +9,9 @@ from bfrt.errors import SettingError
 from bfrt.framing import framing_camera, framing_lights
 from bfrt.image.frame import FrameSize
 from bfrt.records import ON_REQUEST
+from bfrt.settings import at_least_one
 from bfrt.store.model import Camera, Light
 from bfrt.store.store import Store
-from bfrt.settings import at_least_one
 
 #: SPD's procedure: one ray at each pixel corner, five hits deep.
 CORNERS = 0

@@ -24,11 +24,11 @@ from bfrt.phases.partition import Limits
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
 from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects
+from bfrt.settings import REFINEMENTS, Settings
+from bfrt.stats import Counters
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import Group, Store, open_store
 from bfrt.store.writer import StoreWriter
-from bfrt.settings import REFINEMENTS, Settings
-from bfrt.stats import Counters
 from bfrt.streams.spool import Spool
 from bfrt.tracer import Outcome, Tracer
 

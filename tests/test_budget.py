@@ -78,7 +78,9 @@ def machine(monkeypatch, tmp_path):
     """A machine of 16 GiB whose cgroups are files below tmp_path."""
     pages = (16 << 30) // 4096
     monkeypatch.setattr(
-        memory_module.os, "sysconf", lambda name: {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": pages}[name]
+        memory_module.os,
+        "sysconf",
+        lambda name: {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": pages}[name],
     )
     monkeypatch.setattr(memory_module, "OWN_CGROUPS", tmp_path / "own")
     monkeypatch.setattr(memory_module, "CGROUPS", tmp_path / "cgroup")
@@ -216,8 +218,7 @@ def test_more_memory_holds_no_fewer_rays(stores, view, which, more, step):
     width, height, samples, threads = view
     memory = least_of(stores[which], *view) + more
     one, two = (
-        divided(stores[which], width, height, samples, m, threads)
-        for m in (memory, memory + step)
+        divided(stores[which], width, height, samples, m, threads) for m in (memory, memory + step)
     )
     # But where the whole frame begins to fit, it does so in place of rays.
     assert one.rays <= two.rays or (one.frame_on_disk and not two.frame_on_disk)

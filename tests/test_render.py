@@ -106,7 +106,9 @@ def test_the_picture_is_the_same_when_nearly_everything_is_spooled(glass, tmp_pa
         return replace(given, limits=limits, rays=97, candidates=97, hits=50, queue=13)
 
     expected = bfrt.render(glass, memory="512MiB", aovs=AOVS)
-    image = bfrt.render(dividing(glass, tight), memory="512MiB", aovs=AOVS, scratch=tmp_path, fresh_marks=True)
+    image = bfrt.render(
+        dividing(glass, tight), memory="512MiB", aovs=AOVS, scratch=tmp_path, fresh_marks=True
+    )
     same(image, expected)
     assert sum(phase.bytes_written for phase in [image.stats.total.phases.shading]) > 100_000
     assert list(tmp_path.iterdir()) == []

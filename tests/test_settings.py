@@ -34,7 +34,7 @@ REFUSED = [
     ("grid", 1.5, f"grid: found 1.5, {NO_COUNT}"),
     ("max_grid", -7, f"max_grid: found -7, {NO_COUNT}"),
     ("max_grid", "x", f"max_grid: found 'x', {NO_COUNT}"),
-    ("scratch", "/no/such/folder", "scratch: found /no/such/folder, expected a folder that is there"),
+    ("scratch", "/no/such", "scratch: found /no/such, expected a folder that is there"),
 ]
 
 #: What a view refuses beside those.

@@ -172,9 +172,7 @@ def test_a_source_is_drained(workers):
     workers.drain(Numbers(1000), lambda worker, number: done.append(number))
     assert sorted(done) == list(range(1000))
     names = set()
-    workers.drain(
-        Numbers(100, short=True), lambda *_: names.add(threading.current_thread().name)
-    )
+    workers.drain(Numbers(100, short=True), lambda *_: names.add(threading.current_thread().name))
     assert names == {threading.current_thread().name}
 
 

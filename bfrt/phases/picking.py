@@ -18,6 +18,7 @@ from bfrt.store.store import Stream
 from bfrt.streams.parting import gathered, parted
 from bfrt.streams.spool import Spool
 
+
 def hits_of(ids: NDArray[np.uint64], stream: Stream) -> slice:
     """Find the hits on a stream's objects among ascending ids."""
     numbers = np.array([object_id(stream.number, 0), object_id(stream.number + 1, 0)], np.uint64)
@@ -46,7 +47,9 @@ def picked(
     return PickedObjects(scans, stream, own[starts]), np.append(starts, len(own))
 
 
-def by_object(hits: Spool, groups: list[GroupScans], room: int) -> Iterator[tuple[NDArray[Any], bool]]:
+def by_object(
+    hits: Spool, groups: list[GroupScans], room: int
+) -> Iterator[tuple[NDArray[Any], bool]]:
     """All hits of a spool, `room` at the most at once, in the order of their objects.
 
     The paper sorts what fills memory, and sweeps for each such load. Where reading all geometry

@@ -21,6 +21,9 @@ from bfrt.phases._slabs import pack
 from bfrt.phases.partition import Partition, subspaces
 from bfrt.phases.selection import Selection
 from bfrt.phases.subspace import Subspace
+from bfrt.scan.scans import GroupScans
+from bfrt.scan.sources import Chunk
+from bfrt.stats import Counters
 from bfrt.store.marks import (
     BRICK,
     BRICK_BYTES,
@@ -29,10 +32,7 @@ from bfrt.store.marks import (
     Shape,
     bricks_of,
 )
-from bfrt.scan.scans import GroupScans
-from bfrt.scan.sources import Chunk
 from bfrt.store.store import Group, Store
-from bfrt.stats import Counters
 from bfrt.workers import Workers
 
 Bytes = NDArray[np.uint8]

@@ -13,20 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.ids import index_of
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
-from bfrt.ids import index_of
 from bfrt.phases.picking import by_object, hits_of, picked
 from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED, QUEUED_BYTES
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import AllRecords, Chunk
+from bfrt.stats import Counters
 from bfrt.store.model import Light
 from bfrt.store.store import Store, Stream
-from bfrt.stats import Counters
 from bfrt.streams.spool import Spool
 from bfrt.workers import Workers
-
 
 #: A hit that is shaded: itself, its sorted copy, its id and its place in the order.
 SHADED_HIT_BYTES = 2 * HIT_BYTES + 16

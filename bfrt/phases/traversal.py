@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.image.film import Film
-from bfrt.phases._traversal import RayPool
 from bfrt.phases._intersection import Intersector
+from bfrt.phases._traversal import RayPool
 from bfrt.phases.crossings import Crossings
 from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.phases.slabs import Slabs
@@ -285,9 +285,7 @@ class Flight:
         def chunk(worker: int, first: int, last: int) -> None:
             found = self._hits[worker]
             first, last = base + first, base + last
-            kept, n, eye_hits = pool.settle(
-                first, last, self.lattice, film, ends.background, found
-            )
+            kept, n, eye_hits = pool.settle(first, last, self.lattice, film, ends.background, found)
             ends.hits.append(found[:n])
             parts.append((first, kept))
             tallies.append((n, eye_hits))

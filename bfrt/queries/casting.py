@@ -27,9 +27,9 @@ from bfrt.errors import SettingError
 from bfrt.ids import index_of, stream_of
 from bfrt.phases.crossings import Crossings
 from bfrt.phases.picking import by_object, hits_of, picked
+from bfrt.progress import Progress, Report, tell
 from bfrt.queries._rays import surfaces
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
-from bfrt.progress import Progress, Report, tell
 from bfrt.queries.rays import AskedRays, Block, Given, rays_of
 from bfrt.records import ASKED, HIT, NO_HIT, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
@@ -146,7 +146,9 @@ class Asking:
         self._report = report
         self._start = time.perf_counter()
 
-    def trace(self, take: Callable[[NDArray[Any]], None], crossings: Crossings | None = None) -> None:
+    def trace(
+        self, take: Callable[[NDArray[Any]], None], crossings: Crossings | None = None
+    ) -> None:
         """Take all rays through the scene; `take` gets them as they are complete."""
         self.tracer.begin(self.stats)
         with self.stats.depth(1) as counters:
@@ -354,9 +356,7 @@ class Surfaces:
         self._workers.drain(source, resolve)
 
 
-def _resolve(
-    asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]
-) -> None:
+def _resolve(asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]) -> None:
     """Find normals and uv of hits, object by object."""
     counters = Counters()
     with counters.phases.shading.timed():

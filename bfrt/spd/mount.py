@@ -18,9 +18,9 @@ import numpy.typing as npt
 
 from bfrt.errors import SettingError
 from bfrt.records import Kind
-from bfrt.store.model import Camera, Light, Material
 from bfrt.spd._mount import halve, triangles
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
+from bfrt.store.model import Camera, Light, Material
 
 DIMENSION = 2.2
 NUMBER = 21  # of the mountain: another seed makes another one

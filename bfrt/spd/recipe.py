@@ -22,12 +22,12 @@ import numpy.typing as npt
 
 from bfrt.errors import Cancelled, DiskFullError, SettingError
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
+from bfrt.scene import Scene, SceneWriter, open_scene
+from bfrt.spd._text import lines
 from bfrt.store.columns import prepare
 from bfrt.store.extent import Extent
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
-from bfrt.scene import Scene, SceneWriter, open_scene
-from bfrt.spd._text import lines
 from bfrt.streams.aside import refused
 from bfrt.workers import ahead, usable_threads
 

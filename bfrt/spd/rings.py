@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
-from bfrt.store.model import Camera, Light, Material
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, polygon
+from bfrt.store.model import Camera, Light, Material
 
 RADIUS = 0.07412
 #: Between layers. It makes the pyramid's sides lean as those of a 45 degree view do.

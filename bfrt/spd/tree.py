@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
+from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 
 #: Of each fork: degrees that it leans, degrees that it turns, its length in that of its parent.
 FORKS = ((40.0, 90.0, 0.65), (25.0, 230.0, 0.70))

@@ -14,9 +14,9 @@ import bfrt
 
 def main(folder: Path, pixels: int = 320) -> None:
     for name, size in bfrt.spd.DEFAULT_SIZES.items():
-        store = bfrt.spd.scene(name, size).write(folder / f"spd-{name}.bfrt")
-        camera = replace(store.camera, resolution=(pixels, pixels))
-        bfrt.render(store, camera=camera, memory="256MiB").save(folder / f"spd-{name}.png")
+        scene = bfrt.spd.scene(name, size).write(folder / f"spd-{name}.bfrt")
+        camera = replace(scene.camera, resolution=(pixels, pixels))
+        scene.render(camera=camera, memory="256MiB").save(folder / f"spd-{name}.png")
 
 
 if __name__ == "__main__":

@@ -13,9 +13,9 @@ import bfrt
 
 
 def main(folder: Path, pixels: int = 512) -> None:
-    store = bfrt.spd.rings(7).write(folder / "rings.bfrt")
-    camera = replace(store.camera, resolution=(pixels, pixels))
-    image = bfrt.render(store, camera=camera, memory="256MiB")
+    scene = bfrt.spd.rings(7).write(folder / "rings.bfrt")
+    camera = replace(scene.camera, resolution=(pixels, pixels))
+    image = scene.render(camera=camera, memory="256MiB")
     image.save(folder / "rings.png")
 
 

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bfrt.phases.shading import SHADED_HIT_BYTES
 from bfrt.phases.picking import by_object
+from bfrt.phases.shading import SHADED_HIT_BYTES
 from bfrt.records import HIT, INDEX_BITS
 from bfrt.streams.spool import Spool
 
@@ -26,10 +26,7 @@ def groups(lazy=True, record=1000):
         SimpleNamespace(number=n, count=c, expected_bytes=lambda c=c: {"geometry": c * record})
         for n, c in COUNTS.items()
     ]
-    return [
-        SimpleNamespace(lazy=lazy, streams=some)
-        for some in (streams[:2], streams[2:])
-    ]
+    return [SimpleNamespace(lazy=lazy, streams=some) for some in (streams[:2], streams[2:])]
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import fast
 import numpy as np
@@ -23,10 +22,10 @@ from bfrt.scan.files import StreamFiles
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import REFINEMENTS, Settings
+from bfrt.stats import Counters
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.marks import BRICK, BRICK_BYTES, marks_path, open_marks
 from bfrt.store.store import open_store
-from bfrt.stats import Counters
 from bfrt.workers import Workers
 
 #: A voxel's bits that are marks.

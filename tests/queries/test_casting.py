@@ -216,7 +216,8 @@ def test_a_direction_has_any_length(tmp_path, planned, power):
     scene, origins, directions = make(tmp_path, NAMES[0], planned)
     directions = directions[np.isfinite(origins).all(axis=1)]
     origins = origins[np.isfinite(origins).all(axis=1)]
-    directions = directions.astype(np.float32).astype(float)  # few digits: no power of two costs one
+    # Few digits: no power of two costs one.
+    directions = directions.astype(np.float32).astype(float)
     expected = scene.cast_rays(origins, directions)
     with np.errstate(over="ignore", under="ignore"):
         scaled = np.ldexp(directions, power)
@@ -231,11 +232,15 @@ def test_a_direction_has_any_length(tmp_path, planned, power):
         np.testing.assert_array_equal(answer[key][same], expected[key][exact][same])
     assert (answer["primitive_ids"][~same] == -1).all()
     every = scene.list_intersections(origins[exact], scaled[exact])
-    ray, t, ids = exhaustive.crossings(scene.store, origins[exact] - np.array(scene.origin), scaled[exact]
+    ray, t, ids = exhaustive.crossings(
+        scene.store, origins[exact] - np.array(scene.origin), scaled[exact]
     )
+    np.testing.assert_array_equal(every["ray_ids"], ray)
     np.testing.assert_array_equal(every["t_hit"], t)
     np.testing.assert_array_equal(ids_of(every), ids)
-    nearest, ids = exhaustive.nearest(scene.store, origins[exact] - np.array(scene.origin), scaled[exact])
+    nearest, ids = exhaustive.nearest(
+        scene.store, origins[exact] - np.array(scene.origin), scaled[exact]
+    )
     np.testing.assert_array_equal(answer["t_hit"], nearest)
     assert answer.stats.bad_rays == (~directions[exact].any(axis=1)).sum()
 

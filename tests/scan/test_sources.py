@@ -81,7 +81,9 @@ def test_all_objects_come_once(rings, workers, kind, lazy):
         assert source.swept == stream.count
         assert all((np.diff([r[0] for r in own]) > 0).all() for own in seen)
         ends = sorted(map(tuple, itertools.chain(*seen)))
-        assert [a for a, _ in ends] == [0, *(b for _, b in ends[:-1])] and ends[-1][1] == stream.count
+        assert [a for a, _ in ends] == [0, *(b for _, b in ends[:-1])] and ends[-1][
+            1
+        ] == stream.count
 
 
 @pytest.mark.parametrize("lazy", [True, False])
@@ -91,7 +93,9 @@ def test_picked_objects_come_once(rings, workers, lazy):
         picked = np.arange(0, stream.count, 3)
         seen = []
         source = PickedObjects(scans, stream, picked)
-        workers.drain(source, lambda _, chunk, seen=seen, picked=picked: seen.extend(picked[chunk[1]]))
+        workers.drain(
+            source, lambda _, chunk, seen=seen, picked=picked: seen.extend(picked[chunk[1]])
+        )
         assert sorted(seen) == picked.tolist()
 
 
@@ -103,7 +107,9 @@ def test_chosen_objects_come_once(rings, workers):
         source = ChosenObjects(scans, stream, Given(ranges), batches)
         workers.drain(
             source,
-            lambda _, chunk, seen=seen: seen.extend(i for a, b in chunk.ranges for i in range(a, b)),
+            lambda _, chunk, seen=seen: seen.extend(
+                i for a, b in chunk.ranges for i in range(a, b)
+            ),
         )
         assert source.swept == stream.count
         assert sorted(seen) == list(range(stream.count))

@@ -13,8 +13,8 @@ import pytest
 import bfrt
 from bfrt.errors import Cancelled, DiskFullError
 from bfrt.records import Kind
-from bfrt.store.model import Camera, Light, Material
 from bfrt.spd.recipe import Part, SpdScene, phong_power
+from bfrt.store.model import Camera, Light, Material
 
 PLACE = np.zeros(1, np.int64)
 

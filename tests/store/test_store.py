@@ -13,8 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import random_objects
 
-from bfrt.ids import object_id
 from bfrt.errors import StoreError, StreamError
+from bfrt.ids import object_id
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store.header import header_text
 from bfrt.store.marks import Layout, marks_path, writing_marks
