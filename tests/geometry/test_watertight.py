@@ -104,7 +104,8 @@ def check(tmp_path, name, form, dtype, offset, turned, n):
     assert (counts % 2 == 1).all()
     if name == "cube":
         assert (counts == 1).all()
-    away = scene.count_intersections(origins - 100 * directions, directions)["counts"]
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    away = scene.count_intersections(origins - 100 * unit, directions)["counts"]
     assert (away % 2 == 0).all()
 
 
