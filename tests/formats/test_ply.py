@@ -776,6 +776,17 @@ def test_the_most_properties(file):
         assert shapes_of(convert(file, radius="p4092")) == [((0, 0, 0, 4092),), ((1, 0, 0, 4092),)]
 
 
+def test_rows_of_many_properties_are_few_at_once(file, monkeypatch):
+    monkeypatch.setattr(ply_module, "BLOCK_BYTES", 1000)
+    more = [(f"p{i}", "double") for i in range(30)]
+    file.write_bytes(points("binary_big_endian", more, [[i] * 30 for i in range(20)]))
+    with ply_module.Ply(file) as opened:
+        vertex = opened.element("vertex")
+        blocks = list(opened.columns(vertex, ("x", "p29")))
+    assert [len(block) for block in blocks] == [3] * 6 + [2]
+    assert np.vstack(blocks).tolist() == [[i, i] for i in range(20)]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
