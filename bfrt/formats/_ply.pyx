@@ -35,12 +35,14 @@ cpdef enum Fault:
     LONG_FACE
 
 cdef enum:
+    MOST = 4096  # properties of an element
     LONGEST = 1 << 20
     # What a value ends with.
     GOT = 0
     DRY = -2
     BAD = -3
 
+MOST_PROPERTIES = MOST
 MOST_CORNERS = LONGEST
 
 cdef int SIZES[10]
@@ -124,9 +126,9 @@ cdef class Rows(Tokens):
     cdef readonly double found
     cdef int64_t rows
     cdef int properties
-    cdef int *kinds
-    cdef int *counts
-    cdef int *columns
+    cdef int kinds[MOST]
+    cdef int counts[MOST]
+    cdef int columns[MOST]
     cdef int width
     cdef bint text_form
     cdef bint swapped
@@ -140,9 +142,7 @@ cdef class Rows(Tokens):
     cdef int64_t first  # the last two corners of a strip, of which it has had `turn`
     cdef int64_t second
     cdef int64_t turn
-    cdef double *values
-    cdef object form_owner
-    cdef object values_owner
+    cdef double values[MOST]
     cdef const unsigned char *at
     cdef const unsigned char *end
 
@@ -155,14 +155,10 @@ cdef class Rows(Tokens):
 
     def __init__(self, int64_t rows, kinds, counts, columns, int width, str layout,
                  bint strips, int64_t line):
-        cdef int[:, ::1] form
-        cdef double[::1] values
+        if len(kinds) > MOST:
+            raise ValueError(f"{len(kinds)} properties: no room for them")
         self.rows = rows
         self.properties = len(kinds)
-        self.form_owner = form = np.zeros((3, max(len(kinds), 1)), np.intc)
-        self.values_owner = values = np.zeros(max(width, 1))
-        self.kinds, self.counts, self.columns = &form[0, 0], &form[1, 0], &form[2, 0]
-        self.values = &values[0]
         for i in range(self.properties):
             self.kinds[i], self.counts[i], self.columns[i] = kinds[i], counts[i], columns[i]
         self.width = width

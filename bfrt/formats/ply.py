@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats._ply import MOST_CORNERS, Fault, Rows
+from bfrt.formats._ply import MOST_CORNERS, MOST_PROPERTIES, Fault, Rows
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.outlet import Outlet, SceneSink, cast
 from bfrt.formats.points import PointBlock, write_points
@@ -53,9 +53,8 @@ POSITION = ("x", "y", "z")
 #: Names that a file's own colors go by; of several the first counts.
 COLOR_NAMES = (COLORS, ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 
-#: Bytes of a header, and properties of an element.
+#: Bytes of a header.
 HEADER_BYTES = 1 << 20
-MOST_PROPERTIES = 4096
 
 #: Rows of one size that are read at once, and their bytes unless one row has more.
 BLOCK = 1 << 16
