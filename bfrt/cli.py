@@ -180,7 +180,10 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         help="numbers of the map's ends (default: the least and the greatest, by another pass)",
     )  # fmt: skip
     group.add_argument(
-        "--skip-invalid", action="store_true", help="drop objects that are not finite, and say so"
+        "--skip-invalid",
+        action="store_true",
+        help="drop objects that are not finite "
+        "and faces of fewer than three corners, and say how many",
     )
     group.add_argument(
         "--triangulate", action="store_true", help="make triangles of faces of more corners"

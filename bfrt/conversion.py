@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -33,6 +34,8 @@ from bfrt.scene_file import Scene, open_scene
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
 from bfrt.workers import usable_threads
+
+log = logging.getLogger(__name__)
 
 Source = str | os.PathLike[str]
 
@@ -127,7 +130,8 @@ def convert(
         The numbers of the map's first and last color. By default the least and the greatest, which
         costs a pass.
     skip_invalid : bool
-        Drop objects that are not finite, and say how many; by default they are refused.
+        Drop objects that are not finite and faces of fewer than three corners, and say how many;
+        by default they are refused.
     triangulate : bool
         Store faces of four and more corners as fans of triangles; by default they are polygons,
         each in the plane that fits it.
@@ -188,7 +192,10 @@ def convert(
             elif spd is not None:
                 reading.refuse_all_but(name)
                 spd.feed(sink, usable_threads())
-    return open_scene(target)
+    scene = open_scene(target)
+    if not scene.objects:
+        log.warning("%s: no object was found", ", ".join(names))
+    return scene
 
 
 def reader_of(name: str) -> Reader | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import itertools
 import os
+import shutil
 import time
 import tracemalloc
 
@@ -114,7 +115,7 @@ DRESSED = (
     "v 0 0 0 # the first\n"
     "\tv\t1 \\\n 0\\\n .25\n"
     "vt 0 0\nvn 0 0 1\nvp 1\n"
-    "v 1 1 0.5\nv 0 1 0.75#\n#v 1 1 1\n"
+    "v 1 1 0.5\nv 0 1 0.75 #\n#v 1 1 1\n"
     "v 9 9 9\nv 0.5 2 1\n"
     "s off\n"
     "f 1 2/1 6//1\n"
@@ -141,6 +142,69 @@ def test_lines_are_counted_whatever_ends_them(file, end, monkeypatch):
     for size in (48, 53, 61, 1 << 20):
         cut(monkeypatch, size)
         assert failure(file).startswith(f"line {number}: found 'x', expected a vertex's number")
+
+
+@pytest.mark.parametrize("size", [64, 1 << 20])
+@pytest.mark.parametrize("tail", ["", "vn 0 0 1\ng a\np 1 2 3\n"])
+def test_vertices_alone_are_points(file, size, tail, monkeypatch):
+    cut(monkeypatch, size)
+    lines = [f"v {x!r} {y!r} {z!r} {i % 2} 0 1" for i, (x, y, z) in enumerate(VERTICES.tolist())]
+    file.write_text("\n".join(lines) + "\n" + tail)
+    points = [((*map(float, row), 0.5),) for row in VERTICES]
+    for keeping in (0, 1 << 60):
+        monkeypatch.setattr(obj_module, "CONVERTING", keeping)
+        store = convert(file, radius=0.5)
+        assert shapes_of(store) == points
+        assert store.streams[0].wide
+        found = objects_of(convert(file, radius=0.5, color_by="rgb"))
+        assert [each.color for each in found] == [(0, 0, 1), (1, 0, 1)] * 3
+    shutil.rmtree(file.with_suffix(".bfrt"))
+    assert failure(file, SettingError) == "found points without a radius, expected radius="
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"radius": "h"}, "found radius='h', expected a number"),
+        ({"radius": 1, "triangulate": True}, "found triangulate=True, expected none for .obj"),
+        ({"radius": 1, "color_by": "rgb"}, "found 0 colors for 6 vertices, expected one for each"),
+    ],
+)
+def test_settings_that_do_not_fit_points(file, asked, words):
+    file.write_text(obj(faces=[]))
+    assert words in failure(file, SettingError, **asked)
+
+
+def test_points_that_are_not_finite(file):
+    file.write_text("v 0 0 0\nv 1 -1.#IND 0\nv 2 0 0\n")
+    assert failure(file, radius=1) == "point 1: found 1 nan 0 1, expected finite numbers"
+    assert shapes_of(convert(file, radius=1, skip_invalid=True)) == [
+        ((0, 0, 0, 1),), ((2, 0, 0, 1),)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("g a\nvn 0 0 1\n", "found no v and no f, expected vertices and faces"),
+        ("mtllib a.mtl\n", "found no v and no f, expected vertices and faces"),
+        ("v 0 0 0\nv 1 0 0\nl 1 2\n", "found lines (l) without a face (f), expected faces, or"),
+        ("l 1 2\n", "found no v and no f"),
+        ("# a\n1 2 3\n4 5 6\n", "line 2: found '1', expected v, f or another statement of OBJ, as"),
+        ("v 1 2 3\na\nb\n", "line 2: found 'a', expected v, f or another statement of OBJ, as in 1 "
+                             "of 3 lines only"),
+        ("v 1 2 3\nf 1 1 1\na b\0\n", "line 3: found 'a' and a NUL byte in the line, expected"),
+        ("a\0b\n", r"line 1: found 'a\x00b' and a NUL byte in the line, expected text"),
+    ],
+)  # fmt: skip
+def test_what_is_no_obj(file, text, said):
+    file.write_text(text)
+    assert failure(file, radius=1).startswith(said)
+
+
+def test_nuls_in_names_and_comments_are_passed_over(file):
+    file.write_text(obj(tail="# \0\no \0 a\nvn \0\n"))
+    assert shapes_of(convert(file)) == expected(VERTICES, FACES)
 
 
 def test_unknown_statements_are_counted(file, caplog, monkeypatch):
@@ -187,7 +251,11 @@ def test_round_trip(tmp_path_factory, seed, size, end):
     file.write_bytes(end.join(lines).encode())
     with pytest.MonkeyPatch.context() as patch:
         cut(patch, size)
-        assert shapes_of(convert(file)) == expected(vertices, faces)
+        if faces:
+            assert shapes_of(convert(file)) == expected(vertices, faces)
+        else:
+            points = [((*row, 2.0),) for row in vertices.tolist()]
+            assert shapes_of(convert(file, radius=2)) == points
 
 
 def test_vertices_that_are_not_kept(file, monkeypatch):
@@ -292,15 +360,61 @@ def test_one_of_several_libraries_is_missing(file, caplog):
 @pytest.mark.parametrize(
     "change",
     ["Kd 1 0", "Kd a b c", "Kd", "d", "Ni -1", "Ns inf", "Tr nan", "illum x", "Ks 1 1 1e39",
-     "d -halo"],
+     "d -halo", "Kd 1.#QNAN 0 0", "Kd -1.#IND", "Kd 1_0 0 0"],
 )  # fmt: skip
-def test_bad_libraries(file, change):
+def test_statements_that_are_wrong(file, change, caplog):
+    """A mesh is read all the same: what counts is named, and its default taken."""
     library = file.parent / "a.mtl"
-    library.write_text(f"newmtl a\n{change} # more\n")
+    library.write_text(f"newmtl a\n{change} # more\nillum 3\n" * 2)
     file.write_text(dressed("a.mtl", "a"))
-    said = failure(file)
-    assert said.startswith(f"{library}: line 2: found '{change.split()[0]}")
-    assert f"expected {change.split()[0]} with " in said
+    key = change.split()[0]
+    if key == "illum":  # what comes later counts
+        library.write_text(f"newmtl a\n{change}\n")
+    (found,) = objects_of(convert(file))
+    assert found.material == PLAIN
+    for message in caplog.messages:
+        assert message.startswith(f"{library}: line ")
+        assert f"found '{change}', expected {key} with " in message
+        assert message.endswith(" finite numbers, 0 or more; its default is taken")
+    assert len(caplog.messages) == (1 if key == "illum" else 2)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    ["illum 2\nNs -1.960784\nKs nan 0 0", "Ns -1\nKs x\nillum 0\nd 1\nTr -1", "Ka -1 x\nPr x",
+     "Ks 1 1 1.#INF"],
+)  # fmt: skip
+def test_statements_that_do_not_count_may_be_anything(file, lines, caplog):
+    (file.parent / "a.mtl").write_text(f"newmtl a\nKd 1 0 0\n{lines}\n")
+    file.write_text(dressed("a.mtl", "a"))
+    (found,) = objects_of(convert(file))
+    assert found.material == (1, 0, 0, 1, 0, 1, 0, 1)
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("name", ["", " "])
+def test_a_material_without_a_name(file, name, caplog):
+    (file.parent / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    file.write_text(dressed("a.mtl", "a") + f"usemtl{name}\nf 1 2 3\n")
+    first, second = objects_of(convert(file))
+    assert first.color == (1, 0, 0)
+    assert second.material == PLAIN
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "given",
+    [r"sp\ ace.mtl", r"b.mtl sp\ ace.mtl", r"sp\ ace.mtl  b.mtl", "b.mtl \\\n sp\\ ace.mtl",
+     "\\\nsp ace.mtl"],
+)  # fmt: skip
+def test_libraries_whose_names_have_blanks(file, given, end, caplog):
+    (file.parent / "sp ace.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    (file.parent / "b.mtl").write_text("newmtl b\nKd 0 1 0\n")
+    file.write_bytes(dressed(given, "ab" if "b.mtl" in given else "a").replace("\n", end).encode())
+    found = objects_of(convert(file))
+    assert [each.color for each in found] == [(1, 0, 0), (0, 1, 0)][: len(found)]
+    assert caplog.messages == []
 
 
 def test_materials_over_cuts_and_on_disk(file, monkeypatch):
@@ -321,7 +435,7 @@ def test_materials_over_cuts_and_on_disk(file, monkeypatch):
 def test_colors_of_vertices(file):
     lines = [
         "v 0 0 0 1 0 0",
-        "v 1 0 0 1 1 0 0",
+        "v 1 0 0 1 0 0 1",
         "v 0 1 0 1 0 0",
         "v 1 1 1 0 0 1",
         "f 1 2 3",
@@ -347,6 +461,10 @@ def test_colors_of_vertices(file):
         ("v", "line 11: "),
         ("v 1 2 x", "line 11: found 'x', expected a number"),
         ("v 1 2 3/4", "line 11: found '3/4', expected a number"),
+        ("v 1 2 3#", "line 11: found '3#', expected a number"),
+        ("v 1 2 1.#", "line 11: found '1.#', expected a number"),
+        ("v 1 2 infinite", "line 11: found 'infinite', expected a number"),
+        ("f 1 2 3#", "line 11: found '3#', expected a vertex's number"),
         ("f 1 2", "line 11: "),
         ("f", "line 11: "),
         ("f 1 2 0", "line 11: found vertex '0', expected one from 1, or from -1 back"),
@@ -382,9 +500,14 @@ def test_a_face_of_many_corners(file):
     assert shapes_of(convert(file)) == expected(VERTICES, [face])
 
 
-def test_no_vertices(file):
-    file.write_text("")
+@pytest.mark.parametrize("text", ["", "\n", "# nothing\n"])
+def test_an_empty_file_is_told(file, text, caplog):
+    file.write_text(text)
     assert convert(file).objects == 0
+    assert caplog.messages == [f"{file}: no object was found"]
+
+
+def test_no_vertices(file):
     file.write_text("f 1 2 3\n")
     assert failure(file) == "face 0: found vertex 0, expected none"
 
@@ -406,6 +529,28 @@ def test_faces_that_are_not_finite(file, bad, caplog):
     store = convert(file, skip_invalid=True)
     assert shapes_of(store) == expected(VERTICES, [[0, 1, 2], FACES[1], [2, 1, 0]])
     assert caplog.messages == [f"{file}: 3 objects that are not finite were dropped"]
+
+
+@pytest.mark.parametrize("bad", ["-1.#IND", "1.#QNAN", "1.#INF00", "-nan(ind)"])
+def test_what_printf_writes_of_numbers_that_are_not_finite(file, bad):
+    file.write_text(obj([[0, 1, 2], [0, 1, 5]]).replace("0.5 2.0 1.0", f"0.5 2.0 {bad}"))
+    assert failure(file).startswith("face 1: found 0 0 0 1 0 0.25 0.5 2 ")
+    assert shapes_of(convert(file, skip_invalid=True)) == expected(VERTICES, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("few", ["f 1 2", "f 1", "f", "f 1/1 2/2 # 3", "f \\\n 2//1"])
+@pytest.mark.parametrize("size", [64, 1 << 20])
+def test_faces_of_too_few_corners(file, few, size, monkeypatch, caplog):
+    cut(monkeypatch, size)
+    file.write_text(f"{few}\n" * 9 + obj([[0, 1, 2], *FACES], tail=few))
+    assert failure(file).endswith("found the line's end, expected three corners or more")
+    for on_disk in (False, True):
+        if on_disk:
+            monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 100)
+            monkeypatch.setattr(mesh_module, "FEWEST", 0)
+        store = convert(file, skip_invalid=True, memory=1 << 20 if on_disk else None)
+        assert shapes_of(store) == expected(VERTICES, [[0, 1, 2], *FACES])
+        assert "10 objects" in caplog.messages[-1]
 
 
 @settings(max_examples=100)
