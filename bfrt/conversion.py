@@ -88,6 +88,7 @@ def convert(
     color_range: tuple[float, float] | None = None,
     skip_invalid: bool = False,
     triangulate: bool = False,
+    polygons: bool = False,
     progress: Report | None = None,
     durable: bool = True,
 ) -> Scene:
@@ -129,8 +130,11 @@ def convert(
     skip_invalid : bool
         Drop objects that are not finite, and say how many; by default they are refused.
     triangulate : bool
-        Store faces of four and more corners as fans of triangles; by default they are polygons,
-        each in the plane that fits it.
+        Store all faces of more than three corners as triangles: one of k corners is k - 2. By
+        default those that are not flat become triangles, and how many is said; a face that is flat
+        is a polygon.
+    polygons : bool
+        Store all of them as polygons, each in the plane that fits it.
     progress : callable, optional
         Called with the bytes read so far, of all files.
     durable : bool
@@ -164,6 +168,7 @@ def convert(
         color_range=color_range,
         skip_invalid=skip_invalid,
         triangulate=triangulate,
+        polygons=polygons,
         memory=default_memory() if memory is None else parse_memory(memory),
         scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
     )
@@ -265,21 +270,23 @@ class Behind:
     def append(self, kind: Kind, records: NDArray[Any], materials: NDArray[np.uint32]) -> None:
         if kind not in self._begun:
             self._begin(kind, lambda: self._sink.append(kind, records, materials))
-            return
-        none = np.zeros_like(materials)
-        made = self._threads.submit(self._sink.prepare, kind, records, none, materials)
-        self._hand_over(lambda: self._sink.add(made.result()))
+        else:
+            self._prepare(kind, records, np.zeros_like(materials), materials)
 
     def append_polygons(
-        self, vertices: NDArray[Any], counts: NDArray[Any], materials: NDArray[np.uint32]
+        self, vertices: NDArray[Any], counts: NDArray[np.int64], materials: NDArray[np.uint32]
     ) -> None:
-        def add() -> None:
-            self._sink.append_polygons(vertices, counts, materials)
-
-        if Kind.POLYGON in self._begun:
-            self._hand_over(add)
+        if Kind.POLYGON not in self._begun:
+            self._begin(
+                Kind.POLYGON, lambda: self._sink.append_polygons(vertices, counts, materials)
+            )
         else:
-            self._begin(Kind.POLYGON, add)
+            self._prepare(Kind.POLYGON, vertices, counts.astype(np.uint32), materials)
+
+    def _prepare(self, kind: Kind, *block: NDArray[Any]) -> None:
+        """Have a thread work a block out: its records, counts and materials."""
+        made = self._threads.submit(self._sink.prepare, kind, *block)
+        self._hand_over(lambda: self._sink.add(made.result()))
 
     def _begin(self, kind: Kind, add: Callable[[], object]) -> None:
         """Add a kind's first block at once: it decides the store's origin and the dtype."""

@@ -14,11 +14,11 @@ from bfrt.errors import BfrtError, SceneError, StreamError
 from bfrt.records import Kind
 from bfrt.scene.store import Store
 
-#: A triangle and a square, with a vertex that nothing needs.
+#: Triangles and flat faces of more corners, with a vertex that nothing needs.
 VERTICES = np.array(
-    [[0, 0, 0], [1, 0, 0.25], [1, 1, 0.5], [0, 1, 0.75], [9, 9, 9], [0.5, 2, 1]], np.float32
+    [[0, 0, 0], [1, 0, 0.25], [1, 1, 0.75], [0, 1, 0.5], [9, 9, 9], [0.5, 2, 1.125]], np.float32
 )
-FACES = [[0, 1, 5], [3, 2, 1, 0], [5, 3, 0], [0, 1, 2, 3, 5]]
+FACES = [[0, 1, 5], [3, 2, 1, 0], [5, 3, 0], [0, 1, 2, 5, 3]]
 
 
 class Object(NamedTuple):

@@ -39,8 +39,9 @@ class Reading:
         greatest, which costs a pass over it.
     skip_invalid : bool
         Drop and count objects that are not finite, instead of refusing them.
-    triangulate : bool
-        Store faces of four and more corners as fans of triangles, not as polygons.
+    triangulate, polygons : bool
+        Store all faces of four and more corners as triangles, or as polygons; by default those that
+        are flat are polygons.
     memory : int
         Bytes that the whole process may take; a mesh that has more vertices is joined on disk.
     scratch : Path
@@ -49,7 +50,8 @@ class Reading:
     Raises
     ------
     SettingError
-        For a radius or a range that is not finite, and a range whose ends are not in order.
+        For a radius or a range that is not finite, a range whose ends are not in order, and
+        settings that exclude each other.
     """
 
     radius: float | str | None = None
@@ -59,12 +61,15 @@ class Reading:
     color_range: tuple[float, float] | None = None
     skip_invalid: bool = False
     triangulate: bool = False
+    polygons: bool = False
     memory: int = 1 << 28
     scratch: Path = Path()
 
     def __post_init__(self) -> None:
         if isinstance(self.radius, Real) and not math.isfinite(self.radius):
             raise SettingError(f"radius: found {self.radius}, expected a finite number")
+        if self.triangulate and self.polygons:
+            raise SettingError("triangulate, polygons: found both, expected one of them or none")
         if self.color_range is None:
             return
         try:

@@ -77,7 +77,7 @@ def test_vertices_of_3_4_6_and_7_numbers(file):
     lines = ["v 1 2 3", "v 4 5 6 0.5", "v 7 8 10 0.1 0.2 0.3", "v 0 0 1 1 0.1 0.2 0.3", "f 1 2 3 4"]
     file.write_text("\n".join(lines))
     vertices = [[1, 2, 3], [4, 5, 6], [7, 8, 10], [0, 0, 1]]
-    assert shapes_of(convert(file)) == expected(vertices, [[0, 1, 2, 3]])
+    assert shapes_of(convert(file, polygons=True)) == expected(vertices, [[0, 1, 2, 3]])
     said = failure(file, SettingError, color_by="rgb")
     assert said == "found 2 colors for 4 vertices, expected one for each to color by"
 
@@ -101,7 +101,7 @@ def test_negative_numbers_count_back_from_where_they_are(file):
     assert shapes_of(convert(file)) == expected(vertices, [[0, 1, 2], [0, 1, 3], [0, 3, 1]])
 
 
-def test_polygons_as_fans(file):
+def test_polygons_as_triangles(file):
     file.write_text(obj())
     fans = [[f[0], f[i], f[i + 1]] for f in FACES for i in range(1, len(f) - 1)]
     assert shapes_of(convert(file, triangulate=True)) == expected(VERTICES, fans)
@@ -114,14 +114,14 @@ DRESSED = (
     "v 0 0 0 # the first\n"
     "\tv\t1 \\\n 0\\\n .25\n"
     "vt 0 0\nvn 0 0 1\nvp 1\n"
-    "v 1 1 0.5\nv 0 1 0.75#\n#v 1 1 1\n"
-    "v 9 9 9\nv 0.5 2 1\n"
+    "v 1 1 0.75\nv 0 1 0.5#\n#v 1 1 1\n"
+    "v 9 9 9\nv 0.5 2 1.125\n"
     "s off\n"
     "f 1 2/1 6//1\n"
     "f \\\n 4/3 \\\n   3/3 2/2 \\\n 1/1 # four\n"
     "l 1 2 3\np 1\n"
     "fo 6 4 1\n"
-    "f 1 2 3 4 6"
+    "f 1 2 3 6 4"
 )
 
 
@@ -187,7 +187,7 @@ def test_round_trip(tmp_path_factory, seed, size, end):
     file.write_bytes(end.join(lines).encode())
     with pytest.MonkeyPatch.context() as patch:
         cut(patch, size)
-        assert shapes_of(convert(file)) == expected(vertices, faces)
+        assert shapes_of(convert(file, polygons=True)) == expected(vertices, faces)
 
 
 def test_vertices_that_are_not_kept(file, monkeypatch):
@@ -379,7 +379,7 @@ def test_a_face_of_many_corners(file):
     rng = np.random.default_rng(1)
     face = rng.integers(0, 6, 100_000).tolist()
     file.write_text(obj([face]))
-    assert shapes_of(convert(file)) == expected(VERTICES, [face])
+    assert shapes_of(convert(file, polygons=True)) == expected(VERTICES, [face])
 
 
 def test_no_vertices(file):
@@ -399,7 +399,7 @@ def test_a_file_cut_at_any_byte(file):
 
 @pytest.mark.parametrize("bad", BAD)
 def test_faces_that_are_not_finite(file, bad, caplog):
-    file.write_text(obj([[0, 1, 2], *FACES, [2, 1, 0]]).replace("0.5 2.0 1.0", f"0.5 {bad} 1.0"))
+    file.write_text(obj([[0, 1, 2], *FACES, [2, 1, 0]]).replace("0.5 2.0 1.125", f"0.5 {bad} 1"))
     said = failure(file)
     assert said.startswith("face 1: found 0 0 0 1 0 0.25 0.5 ")
     assert said.endswith("expected finite coordinates of three corners or more")
