@@ -22,7 +22,7 @@ from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
 from bfrt.formats.outlet import SceneSink
 from bfrt.formats.ply import read_ply
-from bfrt.formats.reading import Reading
+from bfrt.formats.reading import Reading, Uses
 from bfrt.formats.stl import read_stl
 from bfrt.records import Kind
 from bfrt.scene.hierarchy import Hierarchy
@@ -100,7 +100,7 @@ def convert(
         A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, "-" for NFF from
         standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group,
         with a grid of its own: one small dense thing in a large sparse one. The view, the lights
-        and the background are the first file's.
+        and the background are the first file's. A setting is for those files that have use for it.
     target : path-like
         The store to make. One that is there is replaced when the new one is complete.
     dtype : {None, "float32", "float64"}
@@ -153,7 +153,8 @@ def convert(
     BudgetError
         If the budget is below the least that works, which the message names.
     SettingError
-        If no reader knows the file's suffix, or a setting does not fit what it has.
+        If no reader knows the file's suffix, a setting does not fit what it has, or no file has
+        use for it.
     """
     sources = [source] if isinstance(source, (str, os.PathLike)) else source
     names = [os.fspath(each) for each in sources]
@@ -171,6 +172,7 @@ def convert(
         polygons=polygons,
         memory=default_memory() if memory is None else parse_memory(memory),
         scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
+        uses=Uses(len(names)),
     )
     pairs = zip(names, readers, strict=True)
     scenes = [None if reader else parse_spd(name) for name, reader in pairs]

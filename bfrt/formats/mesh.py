@@ -104,7 +104,9 @@ class Mesh(Protocol):
 def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
     """All faces, painted by their own numbers or by the mean of their vertices'."""
     reading = outlet.reading
-    reading.refuse_all_but(mesh.name, *PAINTED, "triangulate", "polygons")
+    unpainted = reading.color_by is not None and not mesh.painted
+    painted = ("skip_invalid",) if unpainted else PAINTED
+    reading.refuse_all_but(mesh.name, *painted, "triangulate", "polygons")
     if mesh.painted:
         outlet.paint_by(mesh.numbers())
     for corners, faces in joined(mesh, reading.memory, reading.scratch):

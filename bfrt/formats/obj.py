@@ -42,7 +42,7 @@ class ObjMesh:
 
     def __init__(self, source: Source, sink: SceneSink, reading: Reading) -> None:
         self.name = source.name
-        self.painted = reading.color_by is not None
+        self.painted = reading.color_by == RGB
         self.columns = 6 if self.painted else 3
         self._source = source
         self._sink = sink
@@ -164,7 +164,7 @@ def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None
         If the system refuses to read it.
     """
     with Source(path, report) as source:
-        if reading.color_by not in (None, RGB):
+        if reading.color_by not in (None, RGB) and reading.uses.files == 1:
             raise SettingError(f"{path}: found color_by={reading.color_by!r}, expected {RGB}")
         outlet = Outlet(sink, path, reading)
         write_mesh(ObjMesh(source, sink, reading), outlet)

@@ -452,7 +452,95 @@ def test_several_files_are_groups(square, cloud, tmp_path):
     with pytest.raises(bfrt.errors.SettingError):
         bfrt.convert([square, cloud], tmp_path / "a.bfrt")
     cloud.write_text(cloud.read_text().replace("nan", "1"))
-    with pytest.raises(bfrt.errors.SettingError, match="found radius=1, expected none"):
-        bfrt.convert([cloud, square], tmp_path / "a.bfrt", radius=1)
     store = bfrt.convert([square, square], tmp_path / "a.bfrt")
-    assert [sum(s.count for s in group.streams) for group in store.groups] == [4, 4]
+    assert counts_of(store) == [4, 4]
+
+
+# --- settings of several files -------------------------------------------------------------------
+
+
+def counts_of(store):
+    """Objects of each group."""
+    return [sum(stream.count for stream in group.streams) for group in store.groups]
+
+
+@pytest.fixture
+def several(tmp_path, cloud, square):
+    """Files of all sorts, by their suffix or what they hold."""
+    cloud.write_text(cloud.read_text().replace("nan", "1"))
+    files = {"cloud": cloud, "square": square}
+    texts = {
+        "stl": "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+        "endloop\nendfacet\nendsolid\n",
+        "obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+        "nff": "s 0 0 0 1\n",
+    }
+    for suffix, text in texts.items():
+        files[suffix] = tmp_path / f"a.{suffix}"
+        files[suffix].write_text(text)
+    files["npy"] = tmp_path / "a.npy"
+    np.save(files["npy"], VERTICES[:2])
+    return files
+
+
+@pytest.mark.parametrize(
+    ("names", "asked", "counts"),
+    [
+        (("stl", "obj"), {"triangulate": True}, [1, 2]),
+        (("obj", "stl"), {"triangulate": True}, [2, 1]),
+        (("stl", "obj", "nff"), {"polygons": True}, [1, 1, 1]),
+        (("cloud", "square"), {"radius": 1}, [3, 4]),
+        (("square", "cloud", "obj"), {"radius": 1, "triangulate": True}, [7, 3, 2]),
+        (("stl", "nff"), {"skip_invalid": True}, [1, 1]),
+        (("obj", "square"), {"color_by": "z", "colormap": "gray"}, [1, 4]),
+        (("square", "obj"), {"color_by": "z", "color_range": (0, 1)}, [4, 1]),
+        (("npy", "stl"), {"radius": 0.5}, [2, 1]),
+    ],
+)
+def test_a_setting_is_for_the_files_that_it_concerns(several, tmp_path, names, asked, counts):
+    store = bfrt.convert([several[name] for name in names], tmp_path / "a.bfrt", **asked)
+    assert counts_of(store) == counts
+    if "color_by" in asked:
+        plain = names.index("obj")
+        (stream,) = store.groups[plain].streams
+        palette = store.materials().view("<f4").reshape(-1, 8)
+        assert palette[stream.material, :3] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("names", "asked", "words"),
+    [
+        (("stl", "obj"), {"radius": 1}, "found radius=1, expected none for files"),
+        (("obj", "cloud"), {"radius": 1, "positions": "x"}, "found positions='x', expected none"),
+        (("nff", "stl"), {"triangulate": True}, "found triangulate=True, expected none"),
+        (("nff", "nff", "stl"), {"polygons": True}, "found polygons=True, expected none"),
+        (("stl", "obj", "nff"), {"color_by": "z"}, "found color_by='z', expected none"),
+        (("stl", "obj"), {"colormap": "gray"}, "found without color_by"),
+        (("square", "obj"), {"color_by": "no"}, "found no no of each vertex or face"),
+    ],
+)
+def test_a_setting_that_concerns_no_file_is_refused(several, tmp_path, names, asked, words):
+    files = [several[name] for name in names]
+    before = set(tmp_path.iterdir())
+    with pytest.raises(bfrt.errors.SettingError) as caught:
+        bfrt.convert(files, tmp_path / "a.bfrt", **asked)
+    said = str(caught.value)
+    assert words in said
+    if "for files" in said:
+        assert said.startswith(", ".join(map(str, files)) + ": found ")
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_of_many_files_three_are_named(several, tmp_path):
+    with pytest.raises(bfrt.errors.SettingError) as caught:
+        bfrt.convert([several["stl"]] * 9, tmp_path / "a.bfrt", radius=1)
+    named = ", ".join([str(several["stl"])] * 3)
+    assert str(caught.value).startswith(f"{named} and 6 more: found radius=1, expected none for")
+
+
+def test_a_standard_scene_beside_a_mesh(several, tmp_path):
+    files = ["spd:tetra:2", several["obj"]]
+    store = bfrt.convert(files, tmp_path / "a.bfrt", triangulate=True)
+    assert counts_of(store) == [16, 2]
+    with pytest.raises(bfrt.errors.SettingError, match="spd:tetra:2, .*found radius=1, expected"):
+        bfrt.convert(files, tmp_path / "a.bfrt", radius=1)
