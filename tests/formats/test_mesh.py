@@ -542,5 +542,5 @@ def test_a_standard_scene_beside_a_mesh(several, tmp_path):
     files = ["spd:tetra:2", several["obj"]]
     store = bfrt.convert(files, tmp_path / "a.bfrt", triangulate=True)
     assert counts_of(store) == [16, 2]
-    with pytest.raises(bfrt.errors.SettingError, match="spd:tetra:2, .*found radius=1, expected"):
+    with pytest.raises(bfrt.errors.SettingError, match=r"spd:tetra:2, .*found radius=1, expected"):
         bfrt.convert(files, tmp_path / "a.bfrt", radius=1)
