@@ -6,6 +6,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from bfrt.formats.obj import read_obj
 from bfrt.formats.outlet import SceneSink
 from bfrt.formats.ply import read_ply
 from bfrt.formats.reading import Reading, Uses
+from bfrt.formats.room import room_for
 from bfrt.formats.stl import read_stl
 from bfrt.records import Kind
 from bfrt.scene.hierarchy import Hierarchy
@@ -111,8 +113,8 @@ def convert(
         Settings of the box hierarchy; by default the paper's, for a standard scene its own.
     memory : str or int, optional
         The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
-        machine's memory, or of its cgroup's limit. A mesh whose vertices take more is joined on
-        disk, by passes that go forward.
+        machine's memory, or of its cgroup's limit. The least follows the files: 53 MiB for small
+        ones. A mesh whose vertices take more is joined on disk, by passes that go forward.
     scratch : path-like, optional
         Folder for such a join; by default the target's parent.
     radius : float or str, optional
@@ -170,14 +172,16 @@ def convert(
         skip_invalid=skip_invalid,
         triangulate=triangulate,
         polygons=polygons,
-        memory=default_memory() if memory is None else parse_memory(memory),
         scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
         uses=Uses(len(names)),
     )
+    budget = default_memory() if memory is None else parse_memory(memory)
     pairs = zip(names, readers, strict=True)
     scenes = [None if reader else parse_spd(name) for name, reader in pairs]
     if scenes[0] is not None:
         hierarchy = hierarchy or scenes[0].hierarchy
+    sizes = [None if spd is None else spd.store_bytes for spd in scenes]
+    rooms = [room_for(name, budget, size) for name, size in zip(names, sizes, strict=True)]
     plain = all(reader in (None, read_nff_as_is) for reader in readers)
     with SceneWriter(
         target,
@@ -191,7 +195,8 @@ def convert(
         for number, (name, reader, spd) in enumerate(zip(names, readers, scenes, strict=True)):
             sink = GroupSink(writer, number)
             if reader is not None:
-                read_scene(reader, name, sink, reading, after(progress, names[:number]))
+                own = replace(reading, room=rooms[number])
+                read_scene(reader, name, sink, own, after(progress, names[:number]))
             elif spd is not None:
                 reading.refuse_all_but(name)
                 spd.feed(sink, usable_threads())

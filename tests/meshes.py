@@ -75,6 +75,11 @@ def expected(vertices: Any, faces: list[list[int]]) -> list[tuple[tuple[float, .
     return sorted(shapes, key=lambda shape: len(shape) > 3)
 
 
+def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
+    """A mesh's vertices have so many bytes, whatever the budget."""
+    patch.setattr("bfrt.conversion.room_for", lambda *_: room)
+
+
 def open_files() -> int:
     """Descriptors of this process: a spool without a name would be one."""
     folder = Path("/proc/self/fd")

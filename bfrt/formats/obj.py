@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats._obj import MOST_CORNERS, Fault, Lines, Statement
-from bfrt.formats.mesh import CONVERTING, Faces, write_mesh
+from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.reading import RGB, Reading
@@ -46,7 +46,7 @@ class ObjMesh:
         self.columns = 6 if self.painted else 3
         self._source = source
         self._sink = sink
-        self._keeping = (reading.memory - CONVERTING) // 2
+        self._keeping = reading.room // 2
         self._vertices: list[NDArray[Any]] | None = []
         self._materials: dict[bytes, int] = {}
         self._unknown: set[bytes] = set()

@@ -21,7 +21,7 @@ POINTS = ("radius", *PAINTED)
 
 
 #: Settings that every file has use for.
-ALWAYS = ("memory", "scratch", "uses")
+ALWAYS = ("room", "scratch", "uses")
 
 #: Files of a call that an error names.
 NAMED = 3
@@ -74,8 +74,8 @@ class Reading:
     triangulate, polygons : bool
         Store all faces of four and more corners as triangles, or as polygons; by default those that
         are flat are polygons.
-    memory : int
-        Bytes that the whole process may take; a mesh that has more vertices is joined on disk.
+    room : int
+        Bytes that a mesh's vertices may take; those of one that has more are joined on disk.
     scratch : Path
         Folder for what does not fit.
     uses : Uses
@@ -96,7 +96,7 @@ class Reading:
     skip_invalid: bool = False
     triangulate: bool = False
     polygons: bool = False
-    memory: int = 1 << 28
+    room: int = 1 << 27
     scratch: Path = Path()
     uses: Uses = field(default_factory=Uses, compare=False)
 

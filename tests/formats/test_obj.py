@@ -21,11 +21,10 @@ from meshes import (
     objects_of,
     outcome,
     shapes_of,
+    small_room,
 )
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.formats import mesh as mesh_module
-from bfrt.formats import obj as obj_module
 from bfrt.formats import source as source_module
 from bfrt.formats.source import Source
 from bfrt.scene.model import Material
@@ -147,11 +146,8 @@ def test_unknown_statements_are_counted(file, caplog, monkeypatch):
     file.write_bytes(obj(tail="cstype bezier\n\xe9\ncurv 1 2\nvx 1\nV 1 2 3\n").encode("latin-1"))
     for joined in ("in memory", "on disk"):
         if joined == "on disk":  # which reads faces twice
-            monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 100)
-            monkeypatch.setattr(mesh_module, "FEWEST", 0)
-        assert shapes_of(
-            convert(file, memory=1 << 20 if joined == "on disk" else None)
-        ) == expected(VERTICES, FACES)
+            small_room(monkeypatch, 100)
+        assert shapes_of(convert(file)) == expected(VERTICES, FACES)
         assert caplog.messages == [f"{file}: 5 lines of unknown statements were passed over"]
         caplog.clear()
 
@@ -194,7 +190,7 @@ def test_vertices_that_are_not_kept(file, monkeypatch):
     """Few fit in memory twice: the others are read again."""
     file.write_text(obj())
     whole = convert(file).checksum
-    monkeypatch.setattr(obj_module, "CONVERTING", 1 << 60)
+    small_room(monkeypatch, VERTICES.nbytes * 2)
     assert convert(file).checksum == whole
 
 
@@ -313,9 +309,8 @@ def test_materials_over_cuts_and_on_disk(file, monkeypatch):
     assert found == found[:7] * 20
     cut(monkeypatch, 40)
     assert convert(file).checksum == whole.checksum
-    monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 50)
-    monkeypatch.setattr(mesh_module, "FEWEST", 0)
-    assert convert(file, memory=1 << 20).checksum == whole.checksum
+    small_room(monkeypatch, 50)
+    assert convert(file).checksum == whole.checksum
 
 
 def test_colors_of_vertices(file):

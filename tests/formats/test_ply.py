@@ -22,10 +22,10 @@ from meshes import (
     objects_of,
     outcome,
     shapes_of,
+    small_room,
 )
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.formats import mesh as mesh_module
 from bfrt.formats import ply as ply_module
 from bfrt.formats import source as source_module
 from bfrt.records import Kind
@@ -779,11 +779,10 @@ def test_no_such_file(file):
 def test_a_full_disk_at_any_write(file, joined, monkeypatch):
     file.write_bytes(mesh("binary_little_endian"))
     if joined == "on disk":
-        monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 50)
-        monkeypatch.setattr(mesh_module, "FEWEST", 0)
+        small_room(monkeypatch, 50)
     refused = refuse_writes(
         monkeypatch,
-        lambda: convert(file, memory=1 << 20 if joined == "on disk" else None),
+        lambda: convert(file),
         lambda: alone(file),
     )
     assert refused > (8 if joined == "on disk" else 3)
