@@ -23,7 +23,7 @@ from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
 from bfrt.formats.outlet import SceneSink
 from bfrt.formats.ply import read_ply
-from bfrt.formats.reading import Reading, Uses
+from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import room_for
 from bfrt.formats.stl import read_stl
 from bfrt.records import Kind
@@ -181,7 +181,10 @@ def convert(
     if scenes[0] is not None:
         hierarchy = hierarchy or scenes[0].hierarchy
     sizes = [None if spd is None else spd.store_bytes for spd in scenes]
-    rooms = [room_for(name, budget, size) for name, size in zip(names, sizes, strict=True)]
+    rooms = [
+        room_for(name, budget, size, colored=color_by == RGB)
+        for name, size in zip(names, sizes, strict=True)
+    ]
     plain = all(reader in (None, read_nff_as_is) for reader in readers)
     with SceneWriter(
         target,

@@ -77,7 +77,7 @@ def expected(vertices: Any, faces: list[list[int]]) -> list[tuple[tuple[float, .
 
 def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
     """A mesh's vertices have so many bytes, whatever the budget."""
-    patch.setattr("bfrt.conversion.room_for", lambda *_: room)
+    patch.setattr("bfrt.conversion.room_for", lambda *_, **__: room)
 
 
 def open_files() -> int:

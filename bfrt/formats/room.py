@@ -24,6 +24,10 @@ GROWTH = 64
 VERTICES = 8
 
 
+#: What the most colors take that a file of its own colors has.
+COLORS = 32 << 20
+
+
 class Taken(NamedTuple):
     """Bytes that a format takes, beside the process.
 
@@ -62,7 +66,7 @@ FORMATS = {
 }
 
 
-def room_for(name: str, memory: int, size: int | None = None) -> int:
+def room_for(name: str, memory: int, size: int | None = None, *, colored: bool = False) -> int:
     """The bytes that a file's conversion leaves of a budget.
 
     Parameters
@@ -73,6 +77,8 @@ def room_for(name: str, memory: int, size: int | None = None) -> int:
         Bytes that the whole process may take.
     size : int, optional
         Bytes that are converted, where they are no file's.
+    colored : bool
+        Whether the file's own colors are taken.
 
     Raises
     ------
@@ -81,7 +87,8 @@ def room_for(name: str, memory: int, size: int | None = None) -> int:
     """
     taken = FORMATS.get(Path(name).suffix.lower(), OBJECTS)
     full = math.inf if taken.packed else size_of(name) if size is None else size
-    blocks = BASELINE + taken.library + int(min(taken.blocks, GROWTH * full))
+    most = taken.blocks + (COLORS if colored else 0)
+    blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
     least = blocks + int(min(taken.fewest, VERTICES * full))
     if memory < least:
         raise BudgetError(

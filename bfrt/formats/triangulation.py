@@ -88,13 +88,17 @@ class Triangulation:
         outlines = np.empty((len(corners), 2))
         cut(corners, counts, triangles, cuts, outlines)
         starts = np.cumsum(counts, dtype=np.int64) - counts
-        for face in np.flatnonzero(cuts == Cut.EARS):
-            start, count = int(starts[face]), int(counts[face])
+        left = np.flatnonzero(cuts == Cut.EARS)
+        for face, start, count in zip(
+            left, starts[left].tolist(), counts[left].tolist(), strict=True
+        ):
             self._check_corners(count, int(numbers[face]))
-            outline = outlines[start : start + count]
-            found = ears(outline)
-            triangles[start - 2 * face :][: count - 2] = start + found
-            cuts[face] = Cut.RIGHT if is_filled(outline, found) else Cut.CROSSING
+            place = start - 2 * int(face)
+            triangles[place : place + count - 2] = start + ears(outlines[start : start + count])
+        if len(left):
+            cut_here = triangles[np.repeat(cuts == Cut.EARS, counts - 2)]
+            filled = are_filled(outlines, cut_here, counts[left] - 2)
+            cuts[left] = np.where(filled, Cut.RIGHT, Cut.CROSSING)
         crossing = np.flatnonzero(cuts == Cut.CROSSING)
         if len(crossing) and not self._crossing:
             self._first_crossing = int(numbers[crossing[0]])
@@ -127,12 +131,27 @@ class Triangulation:
             )
 
 
-def is_filled(outline: NDArray[np.float64], triangles: Triangles) -> bool:
-    """Whether no triangle turns the other way: the areas of all together are the outline's."""
-    a, b, c = outline[triangles.T]
+def are_filled(
+    outlines: NDArray[np.float64], triangles: Triangles, counts: NDArray[np.uint32]
+) -> NDArray[np.bool_]:
+    """Whether no triangle turns the other way: those of a face have its area together.
+
+    Parameters
+    ----------
+    outlines : (m, 2) float64
+        Of faces that turn left.
+    triangles : (t, 3) int64
+        Of one face after the other.
+    counts : (n,) uint32
+        How many each has.
+    """
+    a, b, c = outlines[triangles.T]
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     areas = ux * vy - uy * vx
-    return bool(-areas[areas < 0].sum() <= ROUNDED * areas.sum())
+    starts = np.cumsum(counts, dtype=np.int64) - counts
+    turned = np.add.reduceat(np.maximum(-areas, 0.0), starts)
+    filled: NDArray[np.bool_] = turned <= ROUNDED * np.add.reduceat(areas, starts)
+    return filled
 
 
 def ears(outline: NDArray[np.float64]) -> Triangles:

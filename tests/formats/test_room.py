@@ -15,7 +15,7 @@ from meshes import convert, failure
 import bfrt
 from bfrt.budget import BASELINE, parse_memory
 from bfrt.errors import BudgetError
-from bfrt.formats.room import FEWEST, FORMATS, GROWTH, MESH, OBJECTS, room_for
+from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, OBJECTS, room_for
 
 SUFFIXES = ("nff", "stl", "npy", "ply", "obj")
 
@@ -90,6 +90,11 @@ def test_what_is_left_is_for_vertices(tmp_path):
         with pytest.raises(BudgetError, match=re.escape(name)):
             room_for(name, least - 1)
     assert MESH.fewest == FEWEST
+    least = BASELINE + OBJECTS.blocks
+    assert room_for("-", least) == 0
+    with pytest.raises(BudgetError):
+        room_for("-", least, colored=True)
+    assert room_for("-", least + COLORS, colored=True) == 0
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
