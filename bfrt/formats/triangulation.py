@@ -89,11 +89,10 @@ class Triangulation:
         cut(corners, counts, triangles, cuts, outlines)
         starts = np.cumsum(counts, dtype=np.int64) - counts
         left = np.flatnonzero(cuts == Cut.EARS)
-        for face, start, count in zip(
-            left, starts[left].tolist(), counts[left].tolist(), strict=True
-        ):
+        for face in left.tolist():
+            start, count = int(starts[face]), int(counts[face])
             self._check_corners(count, int(numbers[face]))
-            place = start - 2 * int(face)
+            place = start - 2 * face
             triangles[place : place + count - 2] = start + ears(outlines[start : start + count])
         if len(left):
             cut_here = triangles[np.repeat(cuts == Cut.EARS, counts - 2)]

@@ -277,7 +277,7 @@ def ply_of(vertices, faces, more=()):
 @settings(max_examples=40)
 @given(
     seed=st.integers(0, 1 << 30),
-    n=st.integers(1, 300),
+    n=st.integers(1, 250),
     faces=st.integers(1, 60),
     room=st.integers(40, 3000),
     dtype=st.sampled_from([np.float32, np.float64]),
