@@ -185,8 +185,13 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         help="drop objects that are not finite "
         "and faces of fewer than three corners, and say how many",
     )
-    group.add_argument(
-        "--triangulate", action="store_true", help="make triangles of faces of more corners"
+    corners = group.add_mutually_exclusive_group()
+    corners.add_argument(
+        "--triangulate", action="store_true",
+        help="make triangles of all faces of more corners (default: of those that are not flat)",
+    )  # fmt: skip
+    corners.add_argument(
+        "--polygons", action="store_true", help="keep all faces of more corners as polygons"
     )
 
 
@@ -201,7 +206,7 @@ def number_or_name(text: str) -> float | str:
 #: Settings of `convert` that the command line names as it does.
 READING = (
     "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate",
+    "triangulate", "polygons",
 )  # fmt: skip
 
 

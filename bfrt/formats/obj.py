@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats._obj import MOST_CORNERS, Fault, Lines, Statement
-from bfrt.formats.mesh import CONVERTING, Faces, write_mesh
+from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.points import PointBlock, write_points
@@ -57,7 +57,7 @@ class ObjVertices:
         self.name = source.name
         self.columns = 3 if reading.color_by is None else 6
         self._source = source
-        self._keeping = (reading.memory - CONVERTING) // 2
+        self._keeping = reading.room // 2
         self._kept: list[NDArray[Any]] | None = []
         lines = Lines(of_faces=False)
         for block in self._parsed(lines):
@@ -231,7 +231,7 @@ def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None
         If the system refuses to read it.
     """
     with Source(path, report) as source:
-        if reading.color_by not in (None, RGB):
+        if reading.color_by not in (None, RGB) and reading.uses.files == 1:
             raise SettingError(f"{path}: found color_by={reading.color_by!r}, expected {RGB}")
         outlet = Outlet(sink, path, reading)
         vertices = ObjVertices(source, reading)

@@ -440,7 +440,7 @@ def test_meshes(npz, dtype, small_blocks):
 def test_meshes_of_squares(npz):
     faces = [[0, 1, 2, 3], [4, 5, 6, 7]]
     np.savez(npz, vertices=CENTERS, faces=faces)
-    assert shapes_of(convert(npz)) == expected(CENTERS, faces)
+    assert shapes_of(convert(npz, polygons=True)) == expected(CENTERS, faces)
     assert [s.kind for s in convert(npz, triangulate=True).streams] == [Kind.TRIANGLE]
 
 

@@ -22,11 +22,10 @@ from meshes import (
     objects_of,
     outcome,
     shapes_of,
+    small_room,
 )
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.formats import mesh as mesh_module
-from bfrt.formats import obj as obj_module
 from bfrt.formats import source as source_module
 from bfrt.formats.source import Source
 from bfrt.scene.model import Material
@@ -78,7 +77,7 @@ def test_vertices_of_3_4_6_and_7_numbers(file):
     lines = ["v 1 2 3", "v 4 5 6 0.5", "v 7 8 10 0.1 0.2 0.3", "v 0 0 1 1 0.1 0.2 0.3", "f 1 2 3 4"]
     file.write_text("\n".join(lines))
     vertices = [[1, 2, 3], [4, 5, 6], [7, 8, 10], [0, 0, 1]]
-    assert shapes_of(convert(file)) == expected(vertices, [[0, 1, 2, 3]])
+    assert shapes_of(convert(file, polygons=True)) == expected(vertices, [[0, 1, 2, 3]])
     said = failure(file, SettingError, color_by="rgb")
     assert said == "found 2 colors for 4 vertices, expected one for each to color by"
 
@@ -102,7 +101,7 @@ def test_negative_numbers_count_back_from_where_they_are(file):
     assert shapes_of(convert(file)) == expected(vertices, [[0, 1, 2], [0, 1, 3], [0, 3, 1]])
 
 
-def test_polygons_as_fans(file):
+def test_polygons_as_triangles(file):
     file.write_text(obj())
     fans = [[f[0], f[i], f[i + 1]] for f in FACES for i in range(1, len(f) - 1)]
     assert shapes_of(convert(file, triangulate=True)) == expected(VERTICES, fans)
@@ -115,14 +114,14 @@ DRESSED = (
     "v 0 0 0 # the first\n"
     "\tv\t1 \\\n 0\\\n .25\n"
     "vt 0 0\nvn 0 0 1\nvp 1\n"
-    "v 1 1 0.5\nv 0 1 0.75 #\n#v 1 1 1\n"
-    "v 9 9 9\nv 0.5 2 1\n"
+    "v 1 1 0.75\nv 0 1 0.5 #\n#v 1 1 1\n"
+    "v 9 9 9\nv 0.5 2 1.125\n"
     "s off\n"
     "f 1 2/1 6//1\n"
     "f \\\n 4/3 \\\n   3/3 2/2 \\\n 1/1 # four\n"
     "l 1 2 3\np 1\n"
     "fo 6 4 1\n"
-    "f 1 2 3 4 6"
+    "f 1 2 3 6 4"
 )
 
 
@@ -211,11 +210,8 @@ def test_unknown_statements_are_counted(file, caplog, monkeypatch):
     file.write_bytes(obj(tail="cstype bezier\n\xe9\ncurv 1 2\nvx 1\nV 1 2 3\n").encode("latin-1"))
     for joined in ("in memory", "on disk"):
         if joined == "on disk":  # which reads faces twice
-            monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 100)
-            monkeypatch.setattr(mesh_module, "FEWEST", 0)
-        assert shapes_of(
-            convert(file, memory=1 << 20 if joined == "on disk" else None)
-        ) == expected(VERTICES, FACES)
+            small_room(monkeypatch, 100)
+        assert shapes_of(convert(file)) == expected(VERTICES, FACES)
         assert caplog.messages == [f"{file}: 5 lines of unknown statements were passed over"]
         caplog.clear()
 
@@ -252,7 +248,7 @@ def test_round_trip(tmp_path_factory, seed, size, end):
     with pytest.MonkeyPatch.context() as patch:
         cut(patch, size)
         if faces:
-            assert shapes_of(convert(file)) == expected(vertices, faces)
+            assert shapes_of(convert(file, polygons=True)) == expected(vertices, faces)
         else:
             points = [((*row, 2.0),) for row in vertices.tolist()]
             assert shapes_of(convert(file, radius=2)) == points
@@ -262,7 +258,7 @@ def test_vertices_that_are_not_kept(file, monkeypatch):
     """Few fit in memory twice: the others are read again."""
     file.write_text(obj())
     whole = convert(file).checksum
-    monkeypatch.setattr(obj_module, "CONVERTING", 1 << 60)
+    small_room(monkeypatch, VERTICES.nbytes * 2)
     assert convert(file).checksum == whole
 
 
@@ -427,9 +423,8 @@ def test_materials_over_cuts_and_on_disk(file, monkeypatch):
     assert found == found[:7] * 20
     cut(monkeypatch, 40)
     assert convert(file).checksum == whole.checksum
-    monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 50)
-    monkeypatch.setattr(mesh_module, "FEWEST", 0)
-    assert convert(file, memory=1 << 20).checksum == whole.checksum
+    small_room(monkeypatch, 50)
+    assert convert(file).checksum == whole.checksum
 
 
 def test_colors_of_vertices(file):
@@ -497,7 +492,7 @@ def test_a_face_of_many_corners(file):
     rng = np.random.default_rng(1)
     face = rng.integers(0, 6, 100_000).tolist()
     file.write_text(obj([face]))
-    assert shapes_of(convert(file)) == expected(VERTICES, [face])
+    assert shapes_of(convert(file, polygons=True)) == expected(VERTICES, [face])
 
 
 @pytest.mark.parametrize("text", ["", "\n", "# nothing\n"])
@@ -522,7 +517,7 @@ def test_a_file_cut_at_any_byte(file):
 
 @pytest.mark.parametrize("bad", BAD)
 def test_faces_that_are_not_finite(file, bad, caplog):
-    file.write_text(obj([[0, 1, 2], *FACES, [2, 1, 0]]).replace("0.5 2.0 1.0", f"0.5 {bad} 1.0"))
+    file.write_text(obj([[0, 1, 2], *FACES, [2, 1, 0]]).replace("0.5 2.0 1.125", f"0.5 {bad} 1"))
     said = failure(file)
     assert said.startswith("face 1: found 0 0 0 1 0 0.25 0.5 ")
     assert said.endswith("expected finite coordinates of three corners or more")

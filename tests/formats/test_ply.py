@@ -22,10 +22,10 @@ from meshes import (
     objects_of,
     outcome,
     shapes_of,
+    small_room,
 )
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.formats import mesh as mesh_module
 from bfrt.formats import ply as ply_module
 from bfrt.formats import source as source_module
 from bfrt.records import Kind
@@ -127,7 +127,7 @@ def test_numbers_are_stored_untouched(file, layout, size):
     xyz = [(axis, {4: "float", 8: "double"}[size]) for axis in "xyz"]
     rows = [[0, 1, 2], [3, 4, 5], *np.arange(6, 60).reshape(-1, 6).tolist()]
     file.write_bytes(mesh(layout, rows, vertices, xyz))
-    triangles, polygons = convert(file).streams
+    triangles, polygons = convert(file, polygons=True).streams
     assert triangles.path("geometry").read_bytes() == vertices[:6].tobytes()
     assert polygons.path("geometry").read_bytes() == vertices[6:].tobytes()
 
@@ -205,7 +205,7 @@ def test_round_trip(tmp_path_factory, made, size):
     file.write_bytes(data)
     with pytest.MonkeyPatch.context() as patch:
         chunk_bytes(patch, size)
-        store = convert(file, radius=None if faces else 1)
+        store = convert(file, **({"polygons": True} if faces else {"radius": 1}))
     assert all(stream.wide == wide for stream in store.streams)
     if faces:
         assert shapes_of(store) == expected(vertices, faces)
@@ -270,11 +270,11 @@ def test_headers_of_any_line_ends(file, layout, end, other, tiny):
     if layout == "binary_little_endian":
         assert body.startswith(other)
     file.write_bytes((head + mark).replace(b"\n", end) + body)
-    assert shapes_of(convert(file)) == expected(vertices, FACES)
+    assert shapes_of(convert(file, polygons=True)) == expected(vertices, FACES)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_polygons_as_fans(file, layout):
+def test_polygons_as_triangles(file, layout):
     file.write_bytes(mesh(layout))
     store = convert(file, triangulate=True)
     fans = [[f[0], f[i], f[i + 1]] for f in FACES for i in range(1, len(f) - 1)]
@@ -343,7 +343,7 @@ def test_long_lists_over_small_chunks(file, layout, listed, tiny):
         ("face", corners, [[[-1] * 40, face, 5] for face in faces]),
     ]
     file.write_bytes(ply(layout, *rows))
-    assert shapes_of(convert(file)) == expected(vertices, faces)
+    assert shapes_of(convert(file, polygons=True)) == expected(vertices, faces)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -677,7 +677,7 @@ def test_faces_that_are_not_finite(file, layout, bad, kind, caplog):
     store = convert(file, skip_invalid=True)
     assert shapes_of(store) == expected(vertices, [[0, 1, 2], FACES[1], [2, 1, 0]])
     assert caplog.messages == [f"{file}: 3 objects that are not finite were dropped"]
-    vertices[5][1], vertices[4][0] = 0.0, bad  # nothing needs it
+    vertices[5][1], vertices[4][0] = 2.0, bad  # nothing needs it
     file.write_bytes(mesh(layout, FACES, vertices, xyz))
     assert convert(file).objects == 4
 
@@ -790,12 +790,12 @@ def test_rows_of_many_properties_are_few_at_once(file, monkeypatch):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (b"0.75", b"3/4", "line 13: found '3/4' in row 3 of vertex, expected a number"),
-        (b"0.75", b"0.75#", "line 13: found '0.75#' in row 3 of vertex, expected a number"),
-        (b"0.75", b"# 0.75", "line 13: found '#' in row 3 of vertex, expected a number"),
-        (b"0.75", b"1.#", "line 13: found '1.#' in row 3 of vertex, expected a number"),
-        (b"0.75", b"infix", "line 13: found 'infix' in row 3 of vertex, expected a number"),
-        (b"0.75", b"\xff\0", r"found '\\xff\x00' in row 3 of vertex, expected a number"),
+        (b"0.75", b"3/4", "line 12: found '3/4' in row 2 of vertex, expected a number"),
+        (b"0.75", b"0.75#", "line 12: found '0.75#' in row 2 of vertex, expected a number"),
+        (b"0.75", b"# 0.75", "line 12: found '#' in row 2 of vertex, expected a number"),
+        (b"0.75", b"1.#", "line 12: found '1.#' in row 2 of vertex, expected a number"),
+        (b"0.75", b"infix", "line 12: found 'infix' in row 2 of vertex, expected a number"),
+        (b"0.75", b"\xff\0", r"found '\\xff\x00' in row 2 of vertex, expected a number"),
         (
             b"\n3 5 3 0",
             b"\n3 5 3.5 0",
@@ -867,11 +867,10 @@ def test_no_such_file(file):
 def test_a_full_disk_at_any_write(file, joined, monkeypatch):
     file.write_bytes(mesh("binary_little_endian"))
     if joined == "on disk":
-        monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 50)
-        monkeypatch.setattr(mesh_module, "FEWEST", 0)
+        small_room(monkeypatch, 50)
     refused = refuse_writes(
         monkeypatch,
-        lambda: convert(file, memory=1 << 20 if joined == "on disk" else None),
+        lambda: convert(file),
         lambda: alone(file),
     )
     assert refused > (8 if joined == "on disk" else 3)
