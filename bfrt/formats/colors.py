@@ -155,7 +155,7 @@ def full_of(name: str, dtype: np.dtype[Any], blocks: Iterable[NDArray[Any]]) -> 
     """What full color is, of a file's own colors.
 
     1 for floats and 255 for bytes. Whole numbers of more bits may be of 8 or of 16: the greatest
-    of all tells, which costs a pass over them.
+    tells, which costs a pass over them, that ends where 16 bits are sure.
 
     Raises
     ------
@@ -166,7 +166,11 @@ def full_of(name: str, dtype: np.dtype[Any], blocks: Iterable[NDArray[Any]]) -> 
         return 1.0
     if dtype == np.uint8:
         return FULL_8
-    greatest = max((int(block.max(initial=0)) for block in blocks), default=0)
+    greatest = 0
+    for block in blocks:
+        greatest = max(greatest, int(block.max(initial=0)))
+        if dtype.itemsize <= 2 and greatest > FULL_8:
+            break
     if greatest > FULL_16:
         raise SceneError(f"{name}: found a color of {greatest}, expected 0 to {int(FULL_16)}")
     if dtype.itemsize > 2 and greatest <= 1:
