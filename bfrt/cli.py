@@ -187,7 +187,9 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         "--radius", type=number_or_name, metavar="R|NAME",
         help="of points: in the file's units, or the name of what has each one's",
     )  # fmt: skip
-    group.add_argument("--positions", metavar="NAME", help="the array or dataset of points")
+    group.add_argument(
+        "--positions", metavar="NAME", help="the array of points, or a group with x, y and z"
+    )
     group.add_argument(
         "--color-by", metavar="NAME",
         help="numbers that a map makes colors of, or rgb for the file's own colors",
