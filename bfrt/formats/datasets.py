@@ -22,6 +22,7 @@ from bfrt.formats.naming import within
 from bfrt.formats.origins import Origins, opened, refusal_of
 from bfrt.formats.source import Source, printable
 from bfrt.formats.table import Array, Field, Path, paths_of
+from bfrt.formats.trial import may_be_virtual, try_file
 
 
 def failure(source: Source, error: Exception, expected: str, place: str = "") -> BfrtError:
@@ -110,6 +111,12 @@ class Datasets(Mapping[str, Array]):
     Listed is each dataset once, by hard links as HDF5 visits them, then what only soft and external
     links lead to, and links that lead nowhere; any other path that leads to one may be asked for.
 
+    Parameters
+    ----------
+    source : Source
+    tried : bool
+        Whether it is known that HDF5 can open them all.
+
     Raises
     ------
     SceneError
@@ -118,8 +125,9 @@ class Datasets(Mapping[str, Array]):
         If the system refuses to read it.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, *, tried: bool = False) -> None:
         self._source = source
+        self._tried = tried
         self._origins = Origins()
         try:
             self._file = opened(source.name)
@@ -181,9 +189,25 @@ class Datasets(Mapping[str, Array]):
                 seen.add((info.fileno, info.addr))
                 files.setdefault(info.fileno, h5i.get_file_id(thing))
                 inner, outer = links_of(thing)
+                if not self._tried and self._is_unclear(thing, inner, outer):
+                    try_file(self._source.name)
+                    self._tried = True
                 hard.extend(within(path, name) for name in reversed(inner))
                 linked.extend(within(path, name) for name in outer)
                 self._listed.update(dict.fromkeys(names_of(path, thing)))
+
+    def _is_unclear(self, group: Any, inner: list[str], outer: list[str]) -> bool:
+        """Whether a group's links may lead to a virtual dataset, here or in another file."""
+        if any(group.links.get_info(os.fsencode(name)).type != h5l.TYPE_SOFT for name in outer):
+            return True
+        plist = self._file.id.get_create_plist()
+        known, begin = plist.get_sizes() == (8, 8), plist.get_userblock()
+        infos = (h5o.get_info(group, os.fsencode(name)) for name in inner)
+        return any(
+            not known or may_be_virtual(self._source, begin + info.addr)
+            for info in infos
+            if info.type == h5o.TYPE_DATASET
+        )
 
     def _opened(self, path: str, follows: bool) -> Any:
         """What is at a path, or None where a link to follow leads nowhere."""

@@ -18,6 +18,7 @@ from meshes import convert, expected, failure, objects_of, outcome, shapes_of
 
 from bfrt.errors import SettingError, ShortReadError, StreamError
 from bfrt.formats import arrays as arrays_module
+from bfrt.formats import trial
 from bfrt.formats.outlet import Outlet
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: bfrt[hdf5]")
@@ -474,6 +475,49 @@ def test_rows_kept_in_other_files_are_refused(file, tmp_path_factory):
     with h5py.File(other, "w") as made:
         made.create_virtual_dataset("pos", layout)
     assert failure(other, radius=1) == said
+
+
+def damaged(path, seed):
+    """Change a byte of what a virtual dataset is made of, or of any other of its file."""
+    rng = np.random.default_rng(seed)
+    data = bytearray(path.read_bytes())
+    heap = data.index(b"GCOL")
+    place = rng.integers(heap, min(heap + 200, len(data))) if seed % 4 else rng.integers(len(data))
+    data[place] = rng.integers(256)
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_flipped_bytes_of_virtual_datasets(file, seed):
+    """HDF5 ends the process at some of them: another one, not this."""
+    virtual(file)
+    damaged(file, seed)
+    outcome(file, radius=1)
+
+
+@pytest.mark.parametrize("way", ["itself", "link"])
+def test_what_ends_hdf5_is_one_sentence(file, way, monkeypatch):
+    """Wherever it is that leads to it."""
+    monkeypatch.setattr(trial, "TRY", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    virtual(file)
+    if way == "link":
+        file.rename(file.with_name("other.h5"))
+        write(file, {"b": MASS})
+        link(file, Coordinates=("other.h5", "/Coordinates"))
+    said = "found what ends HDF5 itself (status -9), expected datasets that are whole"
+    assert failure(file, radius=1) == said
+
+
+@pytest.mark.parametrize("libver", [None, "latest"])
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_no_other_process_is_made_for_what_is_not_virtual(file, layout, libver, monkeypatch):
+    monkeypatch.setattr(trial, "TRY", "raise SystemExit(1)")
+    write(file, {**snapshot(names=["a", "b"]), "number": 3.0}, layout, libver)
+    with h5py.File(file, "a") as made:
+        for k in range(50):
+            made["PartType0/Coordinates"].attrs[f"note {k}"] = "x" * 500
+        made["soft"] = h5py.SoftLink("/PartType0")
+    assert shapes_of(convert(file, radius=1)) == spheres(CENTERS, 1)
 
 
 # --- compression ---------------------------------------------------------------------------------
