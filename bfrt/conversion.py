@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -207,6 +208,8 @@ def convert(
             elif spd is not None:
                 reading.refuse_all_but(name)
                 spd.feed(sink, usable_threads())
+        with complaints_of(", ".join(names)):
+            writer.close()
     scene = open_scene(target)
     if not scene.objects:
         log.warning("%s: no object was found", ", ".join(names))
@@ -334,9 +337,15 @@ def read_scene(
     reader: Reader, name: str, sink: GroupSink, reading: Reading, progress: Report | None
 ) -> None:
     """Read a file into a sink, whose own complaints get the file's name too."""
+    with complaints_of(name), Behind(sink) as behind:
+        reader(name, behind, reading, progress)
+
+
+@contextmanager
+def complaints_of(name: str) -> Iterator[None]:
+    """Have what is said of a scene begin with its file's name."""
     try:
-        with Behind(sink) as behind:
-            reader(name, behind, reading, progress)
+        yield
     except SceneError as error:
         if str(error).startswith((name, "<stdin>")):
             raise

@@ -9,7 +9,7 @@ nothing else.
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint8_t, uint32_t
 
-from bfrt.geometry.triangle cimport permuted, steepest
+from bfrt.geometry.outline cimport permuted, steepest
 from bfrt.geometry.vector cimport Vec, add, cross, dot, largest, scale, sub, unit, vec
 
 import numpy as np

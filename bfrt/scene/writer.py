@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import MATERIAL, SCALARS, Kind
 from bfrt.scene.columns import Prepared, prepare
-from bfrt.scene.extent import Bounds
+from bfrt.scene.extent import Bounds, check_extent
 from bfrt.scene.given import array_of, column_of, floats_of, rows_of, triple_of
 from bfrt.scene.group import GroupWriter
 from bfrt.scene.header import header_text
@@ -80,7 +80,9 @@ class SceneWriter:
     Raises
     ------
     SceneError
-        For coordinates that are not finite, shapes that do not fit, materials that do not exist.
+        For coordinates that are not finite, shapes that do not fit, materials that do not exist,
+        and a scene that is so small, so far from the origin, that float64 cannot tell its parts
+        apart.
     DiskFullError, StreamError
         As the system refuses; nothing is left behind.
     SettingError
@@ -446,6 +448,7 @@ class SceneWriter:
         self._palette.close()
         self._put(MADE, {"hierarchy_seconds": sum(g.hierarchy_seconds for g in self._groups)})
         bounds = functools.reduce(Bounds.union, [group.bounds for group in self._groups])
+        check_extent(bounds, origin)
         return {
             "magic": MAGIC,
             "version": VERSION,
