@@ -124,7 +124,7 @@ def convert(
     radius : float or str, optional
         Of points, in the file's units, or the name of the column or array that has each one's.
     positions : str, optional
-        Name of the array or dataset that has the points' positions.
+        Name of the array or dataset that has the points' positions, or of the group with x, y, z.
     color_by : str, optional
         Name of a column or array of numbers that a map makes colors of; "rgb" for a file's own
         colors, which are rounded to 65,536. A face has the mean of its vertices.
