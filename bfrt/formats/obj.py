@@ -55,7 +55,7 @@ class ObjVertices:
 
     def __init__(self, source: Source, reading: Reading) -> None:
         self.name = source.name
-        self.columns = 3 if reading.color_by is None else 6
+        self.columns = 6 if reading.color_by == RGB else 3
         self._source = source
         self._keeping = reading.room // 2
         self._kept: list[NDArray[Any]] | None = []

@@ -684,10 +684,10 @@ def test_faces_that_are_not_finite(file, layout, bad, kind, caplog):
 
 @pytest.mark.parametrize("bad", ["-1.#IND", "1.#QNAN0", "1.#INF", "-1.#INF00", "nan(ind)"])
 def test_what_printf_writes_of_numbers_that_are_not_finite(file, bad):
-    data = mesh(faces=[[0, 1, 2], [0, 1, 3], [3, 2, 1, 0]]).replace(b"0.75", bad.encode())
+    data = mesh(faces=[[0, 1, 3], [0, 1, 2], [3, 2, 1, 0]]).replace(b"0.75", bad.encode())
     file.write_bytes(data)
-    assert failure(file).startswith("face 1: found 0 0 0 1 0 0.25 0 1 ")
-    assert shapes_of(convert(file, skip_invalid=True)) == expected(VERTICES, [[0, 1, 2]])
+    assert failure(file).startswith("face 1: found 0 0 0 1 0 0.25 1 1 ")
+    assert shapes_of(convert(file, skip_invalid=True)) == expected(VERTICES, [[0, 1, 3]])
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
