@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import re
 import shutil
 import sys
 import tempfile
@@ -42,7 +43,8 @@ INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    options = parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = parser().parse_args(resolutions_apart(given))
     logging.basicConfig(
         format="bfrt: %(message)s", level=logging.ERROR if options.quiet else logging.WARNING
     )
@@ -55,6 +57,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return fail("interrupted", INTERRUPTED)
     return 0
+
+
+def resolutions_apart(arguments: Sequence[str]) -> list[str]:
+    """The arguments with a resolution that is one word, WxH, in two, as the parser has it."""
+    apart: list[str] = []
+    for argument in arguments:
+        option, _, value = argument.rpartition("=")
+        asked = option or (apart[-1] if apart else "")
+        size = re.fullmatch(r"(\d+)[xX×](\d+)", value)
+        if size and len(asked) > 4 and "--resolution".startswith(asked):
+            apart += [*filter(None, [option]), *size.groups()]
+        else:
+            apart.append(argument)
+    return apart
 
 
 def fail(error: object, status: int) -> int:
@@ -125,7 +141,9 @@ def add_render(commands: Any) -> None:
         "--aov", type=lambda names: tuple(names.split(",")), default=(), metavar="NAMES",
         help="channels that the EXR has too, of: " + ",".join(ON_REQUEST),
     )  # fmt: skip
-    made.add_argument("--resolution", type=int, nargs=2, metavar=("W", "H"))
+    made.add_argument(
+        "--resolution", type=int, nargs=2, metavar=("W", "H"), help="in pixels; or as WxH"
+    )
     made.add_argument(
         "--view", metavar="FILE|NAME",
         help=f"take the view (v) of this NFF file, or one of: {', '.join(bfrt.spd.VIEWS)}",
@@ -169,7 +187,9 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         "--radius", type=number_or_name, metavar="R|NAME",
         help="of points: in the file's units, or the name of what has each one's",
     )  # fmt: skip
-    group.add_argument("--positions", metavar="NAME", help="the array or dataset of points")
+    group.add_argument(
+        "--positions", metavar="NAME", help="the array of points, or a group with x, y and z"
+    )
     group.add_argument(
         "--color-by", metavar="NAME",
         help="numbers that a map makes colors of, or rgb for the file's own colors",
@@ -180,10 +200,18 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         help="numbers of the map's ends (default: the least and the greatest, by another pass)",
     )  # fmt: skip
     group.add_argument(
-        "--skip-invalid", action="store_true", help="drop objects that are not finite, and say so"
+        "--skip-invalid",
+        action="store_true",
+        help="drop objects that are not finite "
+        "and faces of fewer than three corners, and say how many",
     )
-    group.add_argument(
-        "--triangulate", action="store_true", help="make triangles of faces of more corners"
+    corners = group.add_mutually_exclusive_group()
+    corners.add_argument(
+        "--triangulate", action="store_true",
+        help="make triangles of all faces of more corners (default: of those that are not flat)",
+    )  # fmt: skip
+    corners.add_argument(
+        "--polygons", action="store_true", help="keep all faces of more corners as polygons"
     )
 
 
@@ -198,7 +226,7 @@ def number_or_name(text: str) -> float | str:
 #: Settings of `convert` that the command line names as it does.
 READING = (
     "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate",
+    "triangulate", "polygons",
 )  # fmt: skip
 
 
@@ -361,7 +389,7 @@ def describe(store: Store) -> dict[str, Any]:
         "bytes": store.bytes,
         "bytes_per_object": round(store.bytes / max(store.objects, 1), 2),
         "origin": list(store.origin),
-        "bounds": bounds_to(store.bounds),
+        "bounds": bounds_to(store.world_bounds),
         "camera": None if camera is None else camera.__dict__,
         "lights": len(store.lights),
         "materials": len(store.materials()),

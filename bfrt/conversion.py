@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +24,8 @@ from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
 from bfrt.formats.outlet import SceneSink
 from bfrt.formats.ply import read_ply
-from bfrt.formats.reading import Reading
+from bfrt.formats.reading import RGB, Reading, Uses
+from bfrt.formats.room import room_for
 from bfrt.formats.stl import read_stl
 from bfrt.memory import default_memory, parse_memory
 from bfrt.records import Kind
@@ -32,6 +36,8 @@ from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import HEADER
 from bfrt.workers import usable_threads
+
+log = logging.getLogger(__name__)
 
 Source = str | os.PathLike[str]
 
@@ -87,6 +93,7 @@ def convert(
     color_range: tuple[float, float] | None = None,
     skip_invalid: bool = False,
     triangulate: bool = False,
+    polygons: bool = False,
     progress: Report | None = None,
     durable: bool = True,
 ) -> Scene:
@@ -98,7 +105,7 @@ def convert(
         A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, "-" for NFF from
         standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group,
         with a grid of its own: one small dense thing in a large sparse one. The view, the lights
-        and the background are the first file's.
+        and the background are the first file's. A setting is for those files that have use for it.
     target : path-like
         The store to make. One that is there is replaced when the new one is complete.
     dtype : {None, "float32", "float64"}
@@ -109,14 +116,14 @@ def convert(
         Settings of the box hierarchy; by default the paper's, for a standard scene its own.
     memory : str or int, optional
         The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
-        machine's memory, or of its cgroup's limit. A mesh whose vertices take more is joined on
-        disk, by passes that go forward.
+        machine's memory, or of its cgroup's limit. The least follows the files: 53 MiB for small
+        ones. A mesh whose vertices take more is joined on disk, by passes that go forward.
     scratch : path-like, optional
         Folder for such a join; by default the target's parent.
     radius : float or str, optional
         Of points, in the file's units, or the name of the column or array that has each one's.
     positions : str, optional
-        Name of the array or dataset that has the points' positions.
+        Name of the array or dataset that has the points' positions, or of the group with x, y, z.
     color_by : str, optional
         Name of a column or array of numbers that a map makes colors of; "rgb" for a file's own
         colors, which are rounded to 65,536. A face has the mean of its vertices.
@@ -126,10 +133,14 @@ def convert(
         The numbers of the map's first and last color. By default the least and the greatest, which
         costs a pass.
     skip_invalid : bool
-        Drop objects that are not finite, and say how many; by default they are refused.
+        Drop objects that are not finite and faces of fewer than three corners, and say how many;
+        by default they are refused.
     triangulate : bool
-        Store faces of four and more corners as fans of triangles; by default they are polygons,
-        each in the plane that fits it.
+        Store all faces of more than three corners as triangles: one of k corners is k - 2. By
+        default those that are not flat become triangles, and how many is said; a face that is flat
+        is a polygon.
+    polygons : bool
+        Store all of them as polygons, each in the plane that fits it.
     progress : callable, optional
         Called with the bytes read so far, of all files.
     durable : bool
@@ -148,7 +159,8 @@ def convert(
     BudgetError
         If the budget is below the least that works, which the message names.
     SettingError
-        If no reader knows the file's suffix, or a setting does not fit what it has.
+        If no reader knows the file's suffix, a setting does not fit what it has, or no file has
+        use for it.
     """
     sources = [source] if isinstance(source, (str, os.PathLike)) else source
     names = [os.fspath(each) for each in sources]
@@ -163,13 +175,20 @@ def convert(
         color_range=color_range,
         skip_invalid=skip_invalid,
         triangulate=triangulate,
-        memory=default_memory() if memory is None else parse_memory(memory),
+        polygons=polygons,
         scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
+        uses=Uses(len(names)),
     )
+    budget = default_memory() if memory is None else parse_memory(memory)
     pairs = zip(names, readers, strict=True)
     scenes = [None if reader else parse_spd(name) for name, reader in pairs]
     if scenes[0] is not None:
         hierarchy = hierarchy or scenes[0].hierarchy
+    sizes = [None if spd is None else spd.store_bytes for spd in scenes]
+    rooms = [
+        room_for(name, budget, size, colored=color_by == RGB)
+        for name, size in zip(names, sizes, strict=True)
+    ]
     plain = all(reader in (None, read_nff_as_is) for reader in readers)
     with SceneWriter(
         target,
@@ -183,11 +202,17 @@ def convert(
         for number, (name, reader, spd) in enumerate(zip(names, readers, scenes, strict=True)):
             sink = GroupSink(writer, number)
             if reader is not None:
-                read_scene(reader, name, sink, reading, after(progress, names[:number]))
+                own = replace(reading, room=rooms[number])
+                read_scene(reader, name, sink, own, after(progress, names[:number]))
             elif spd is not None:
                 reading.refuse_all_but(name)
                 spd.feed(sink, usable_threads())
-    return open_scene(target)
+        with complaints_of(", ".join(names)):
+            writer.close()
+    scene = open_scene(target)
+    if not scene.objects:
+        log.warning("%s: no object was found", ", ".join(names))
+    return scene
 
 
 def reader_of(name: str) -> Reader | None:
@@ -264,21 +289,23 @@ class Behind:
     def append(self, kind: Kind, records: NDArray[Any], materials: NDArray[np.uint32]) -> None:
         if kind not in self._begun:
             self._begin(kind, lambda: self._sink.append(kind, records, materials))
-            return
-        none = np.zeros_like(materials)
-        made = self._threads.submit(self._sink.prepare, kind, records, none, materials)
-        self._hand_over(lambda: self._sink.add(made.result()))
+        else:
+            self._prepare(kind, records, np.zeros_like(materials), materials)
 
     def append_polygons(
-        self, vertices: NDArray[Any], counts: NDArray[Any], materials: NDArray[np.uint32]
+        self, vertices: NDArray[Any], counts: NDArray[np.int64], materials: NDArray[np.uint32]
     ) -> None:
-        def add() -> None:
-            self._sink.append_polygons(vertices, counts, materials)
-
-        if Kind.POLYGON in self._begun:
-            self._hand_over(add)
+        if Kind.POLYGON not in self._begun:
+            self._begin(
+                Kind.POLYGON, lambda: self._sink.append_polygons(vertices, counts, materials)
+            )
         else:
-            self._begin(Kind.POLYGON, add)
+            self._prepare(Kind.POLYGON, vertices, counts.astype(np.uint32), materials)
+
+    def _prepare(self, kind: Kind, *block: NDArray[Any]) -> None:
+        """Have a thread work a block out: its records, counts and materials."""
+        made = self._threads.submit(self._sink.prepare, kind, *block)
+        self._hand_over(lambda: self._sink.add(made.result()))
 
     def _begin(self, kind: Kind, add: Callable[[], object]) -> None:
         """Add a kind's first block at once: it decides the store's origin and the dtype."""
@@ -309,9 +336,15 @@ def read_scene(
     reader: Reader, name: str, sink: GroupSink, reading: Reading, progress: Report | None
 ) -> None:
     """Read a file into a sink, whose own complaints get the file's name too."""
+    with complaints_of(name), Behind(sink) as behind:
+        reader(name, behind, reading, progress)
+
+
+@contextmanager
+def complaints_of(name: str) -> Iterator[None]:
+    """Have what is said of a scene begin with its file's name."""
     try:
-        with Behind(sink) as behind:
-            reader(name, behind, reading, progress)
+        yield
     except SceneError as error:
         if str(error).startswith((name, "<stdin>")):
             raise

@@ -121,8 +121,7 @@ class Scene:
 
         Of a scene without objects lo is inf and hi is -inf.
         """
-        inside, origin = self.store.bounds, np.array(self.store.origin)
-        return Bounds(inside.lo + origin, inside.hi + origin)
+        return self.store.world_bounds
 
     @property
     def geometries(self) -> dict[int, Geometry]:

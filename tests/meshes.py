@@ -14,11 +14,11 @@ from bfrt.errors import BfrtError, SceneError, StreamError
 from bfrt.records import Kind
 from bfrt.store.store import Store
 
-#: A triangle and a square, with a vertex that nothing needs.
+#: Triangles and flat faces of more corners, with a vertex that nothing needs.
 VERTICES = np.array(
-    [[0, 0, 0], [1, 0, 0.25], [1, 1, 0.5], [0, 1, 0.75], [9, 9, 9], [0.5, 2, 1]], np.float32
+    [[0, 0, 0], [1, 0, 0.25], [1, 1, 0.75], [0, 1, 0.5], [9, 9, 9], [0.5, 2, 1.125]], np.float32
 )
-FACES = [[0, 1, 5], [3, 2, 1, 0], [5, 3, 0], [0, 1, 2, 3, 5]]
+FACES = [[0, 1, 5], [3, 2, 1, 0], [5, 3, 0], [0, 1, 2, 5, 3]]
 
 
 class Object(NamedTuple):
@@ -73,6 +73,11 @@ def expected(vertices: Any, faces: list[list[int]]) -> list[tuple[tuple[float, .
     rows = np.asarray(vertices).astype(np.float64).tolist()
     shapes = [tuple(tuple(rows[i]) for i in face) for face in faces]
     return sorted(shapes, key=lambda shape: len(shape) > 3)
+
+
+def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
+    """A mesh's vertices have so many bytes, whatever the budget."""
+    patch.setattr("bfrt.conversion.room_for", lambda *_, **__: room)
 
 
 def open_files() -> int:

@@ -100,6 +100,34 @@ def test_the_view_can_be_another(nff, tmp_path):
     assert (view != scene).any()
 
 
+@pytest.mark.parametrize("size", [["12x8"], ["12X8"], ["12", "8"]])
+@pytest.mark.parametrize("option", ["--resolution", "--res"])
+def test_a_resolution_is_one_word_or_two(nff, tmp_path, option, size):
+    out = tmp_path / "a.npy"
+    asked = ["render", option, *size, str(nff), "-o", str(out), "--memory", "128MiB"]
+    assert main(asked) == 0
+    assert np.load(out).shape == (8, 12, 4)
+    if len(size) == 1:
+        asked[1:3] = [f"{option}={size[0]}"]
+        assert main([*asked[:-3], str(tmp_path / "b.npy"), *asked[-2:]]) == 0
+        assert (tmp_path / "b.npy").read_bytes() == out.read_bytes()
+
+
+@pytest.mark.parametrize("size", [["12x"], ["x8"], ["12x8x3"], ["12"], ["12x8", "3"], ["a", "b"]])
+def test_a_resolution_that_is_none(nff, size):
+    done = run("render", nff, "-o", nff.parent / "x.png", "--resolution", *size)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert names(nff.parent) == ["scene.nff"]
+
+
+def test_a_name_like_a_resolution_is_a_name(nff, tmp_path):
+    """Only what follows the option is taken apart."""
+    file = tmp_path / "12x8"
+    assert main(["spd", "tetra", "2", "--nff", str(file)]) == 0
+    assert run("spd", "tetra", "2", "--nff", "12x8", cwd=tmp_path).returncode == 0
+    assert names(tmp_path) == ["12x8", "scene.nff"]
+
+
 def test_spd_makes_stores_and_text(tmp_path):
     store, text = tmp_path / "r.bfrt", tmp_path / "r.nff"
     assert main(["spd", "rings", "2", "-o", str(store), "--nff", str(text)]) == 0
@@ -166,6 +194,7 @@ def test_info_and_verify(nff, tmp_path, capsys):
     assert {s["kind"]: s["objects"] for s in facts["streams"]} == {
         "sphere": 1, "cone": 1, "polygon": 1,
     }  # fmt: skip
+    assert facts["bounds"][0][:2] == [-3, -3] and facts["bounds"][1][:2] == [3, 3]
     assert main(["verify", str(store)]) == 0
     file = store / "0" / "sphere" / "geometry"
     data = bytearray(file.read_bytes())
@@ -173,6 +202,22 @@ def test_info_and_verify(nff, tmp_path, capsys):
     file.write_bytes(data)
     assert main(["verify", str(store)]) == 1
     assert "geometry" in capsys.readouterr().err
+
+
+def test_info_shows_bounds_in_the_worlds_coordinates(tmp_path, capsys):
+    """As the file has them, wherever the store's origin is."""
+    file, store = tmp_path / "a.npy", tmp_path / "a.bfrt"
+    np.save(file, np.array([[5e5, 4e6, 100], [5e5 + 10, 4e6 + 20, 130]]))
+    assert main(["convert", str(file), "-o", str(store), "--radius", "1"]) == 0
+    opened = bfrt.open(store)
+    world = [[5e5 - 1, 4e6 - 1, 99], [5e5 + 11, 4e6 + 21, 131]]
+    assert opened.origin != (0, 0, 0)
+    np.testing.assert_array_equal(opened.world_bounds, world)
+    np.testing.assert_array_equal(np.array(opened.bounds) + opened.origin, world)
+    assert main(["info", "--json", str(store)]) == 0
+    assert json.loads(capsys.readouterr().out)["bounds"] == world
+    assert main(["info", str(store)]) == 0
+    assert f"bounds: {[list(map(float, corner)) for corner in world]}\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

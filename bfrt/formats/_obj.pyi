@@ -14,6 +14,7 @@ class Fault(enum.IntEnum):
     NO_VERTEX = 4
     FEW_CORNERS = 5
     MANY_CORNERS = 6
+    BINARY = 7
 
 class Statement(enum.IntEnum):
     MATERIAL = 0
@@ -23,9 +24,12 @@ class Lines(Tokens):
     vertices: int
     faces: int
     colored: int
+    passed: int
+    strokes: int
     unknown: int
+    stranger: tuple[int, bytes]
     fault: int
-    def __init__(self, of_faces: bool) -> None: ...
+    def __init__(self, of_faces: bool, fewest: int = 3) -> None: ...
     def parse(
         self, chunk: npt.NDArray[np.uint8]
     ) -> tuple[

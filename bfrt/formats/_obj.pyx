@@ -1,15 +1,19 @@
 """Lines of OBJ, without the GIL: vertices or faces, in whole lines.
 
-Both passes count vertices, of which a face's negative numbers need those before it.
+Both passes count vertices, of which a face's negative numbers need those before it. The first,
+over vertices, also tells what the file is: statements are counted.
 """
 
 cimport cython
 from libc.stdint cimport int64_t, uint32_t
+from libc.string cimport memchr
 
 from bfrt.formats.text cimport (
     FOUND, HASH, MINUS, NEWLINE, NUL, PLUS, RETURN, SPACE, Tokens, consume, is_blank, measure,
     pass_blanks, read_any_number,
 )
+
+import re
 
 import numpy as np
 
@@ -26,12 +30,16 @@ cpdef enum Fault:
     NO_VERTEX
     FEW_CORNERS
     MANY_CORNERS
+    BINARY
 
 cpdef enum Statement:
     MATERIAL
     LIBRARY
 
 MOST_CORNERS = LONGEST
+
+#: Where a line goes on in the next.
+GOES_ON = re.compile(rb"\\(\r\n|\r|\n)")
 
 # Statements that shape nothing bfrt draws, or only how it is shaded or named.
 cdef const char *PASSED[20]
@@ -53,23 +61,32 @@ cdef class Lines(Tokens):
     ----------
     of_faces : bool
         Whether faces are wanted, and not vertices.
+    fewest : int
+        Corners that a face has at the least.
 
     Attributes
     ----------
     vertices, faces : int
-        Read so far.
+        Read or passed so far.
     colored : int
         Vertices that had a color.
-    unknown : int
-        Statements that are not known, passed over.
+    passed, strokes, unknown : int
+        Of a pass over vertices: other statements that are known, those of them that are lines to
+        draw, and those that are not known.
+    stranger : (int, bytes)
+        Line and word of the first that is not known.
     """
 
     cdef readonly int64_t vertices
     cdef readonly int64_t faces
     cdef readonly int64_t colored
+    cdef readonly int64_t passed
+    cdef readonly int64_t strokes
     cdef readonly int64_t unknown
+    cdef readonly object stranger
     cdef readonly int fault
     cdef bint of_faces
+    cdef int64_t fewest
     cdef double *out_vertices
     cdef int64_t *out_corners
     cdef uint32_t *out_counts
@@ -78,9 +95,11 @@ cdef class Lines(Tokens):
     cdef Py_ssize_t counts
     cdef list statements
 
-    def __init__(self, bint of_faces):
+    def __init__(self, bint of_faces, int64_t fewest=3):
         self.of_faces = of_faces
-        self.vertices = self.faces = self.colored = self.unknown = 0
+        self.fewest = fewest
+        self.vertices = self.faces = self.colored = 0
+        self.passed = self.strokes = self.unknown = 0
         self.fault = 0
 
     def parse(self, const unsigned char[::1] chunk not None):
@@ -104,7 +123,9 @@ cdef class Lines(Tokens):
         # "v 0 0 0\n" and "f 1 1 1\n" are the shortest, a corner takes two bytes.
         vertices_owner = np.empty((1 if self.of_faces else size // 8 + 1, COLUMNS))
         corners_owner = np.empty(size // 2 + 1 if self.of_faces else 1, np.int64)
-        counts_owner = np.empty(size // 8 + 1 if self.of_faces else 1, np.uint32)
+        counts_owner = np.empty(
+            size // (2 * self.fewest + 2) + 1 if self.of_faces else 1, np.uint32
+        )
         vertices, corners, counts = vertices_owner, corners_owner, counts_owner
         self.out_vertices, self.out_corners = &vertices[0, 0], &corners[0]
         self.out_counts = &counts[0]
@@ -164,14 +185,19 @@ cdef class Lines(Tokens):
             self.text.at += 1 if is_blank(at[1]) else 2
             if self.of_faces:
                 return self.read_face()
+            self.faces += 1
+        elif at[0] == b"v" and (at[1] == b"n" or at[1] == b"t") and is_blank(at[2]):
+            self.passed += 1
         elif self.of_faces:
+            self.keep_material()
+        else:
             self.note_statement()
         self.skip_line()
         return 0
 
     cdef int read_vertex(self) except -1 nogil:
-        """x y z, and a color or -1; a weight is passed over."""
-        cdef double values[8]
+        """x y z, and a color or -1; a weight or what is behind a color is passed over."""
+        cdef double values[COLUMNS]
         cdef int count = 0
         cdef int i
         cdef double *out
@@ -179,7 +205,7 @@ cdef class Lines(Tokens):
         if self.of_faces:
             self.skip_line()
             return 0
-        while count < 8 and self.in_line():
+        while count < COLUMNS and self.in_line():
             if self.read_value(&values[count]) != FOUND:
                 return self.fail(NO_NUMBER)
             count += 1
@@ -190,9 +216,8 @@ cdef class Lines(Tokens):
         out = self.out_vertices + COLUMNS * self.rows
         for i in range(3):
             out[i] = values[i]
-            # "x y z r g b", or "x y z w r g b" as some write it.
-            out[3 + i] = values[count - 3 + i] if count >= 6 else -1.0
-        self.colored += count >= 6
+            out[3 + i] = values[3 + i] if count == COLUMNS else -1.0
+        self.colored += count == COLUMNS
         self.rows += 1
         return 0
 
@@ -222,7 +247,7 @@ cdef class Lines(Tokens):
                 return self.fail(MANY_CORNERS)
             self.out_corners[self.corners + count] = index
             count += 1
-        if count < 3:
+        if count < self.fewest:
             self.text.length = 0
             return self.fail(FEW_CORNERS)
         self.corners += count
@@ -260,18 +285,33 @@ cdef class Lines(Tokens):
         consume(&self.text)
         return True
 
-    cdef int note_statement(self) noexcept nogil:
-        """Keep what tells of materials; count what nobody knows."""
+    cdef int keep_material(self) except -1 nogil:
+        """Keep what tells of materials."""
+        if self.text.at[0] != b"u" and self.text.at[0] != b"m":
+            return 0
         measure(&self.text)
         if self.is_word(b"usemtl") or self.is_word(b"mtllib"):
             with gil:
                 self._keep()
-            return 0
+        return 0
+
+    cdef int note_statement(self) except -1 nogil:
+        """Count what is known, and what nobody knows, which is binary if a NUL is in its line."""
         cdef int i
+        cdef unsigned char *begin = self.text.at
+        measure(&self.text)
         for i in range(20):
             if self.is_word(PASSED[i]):
+                self.passed += 1
+                self.strokes += self.is_word(b"l")
                 return 0
         self.unknown += 1
+        if self.unknown == 1:
+            with gil:
+                self.stranger = self.line, self.token
+        self.skip_line()
+        if memchr(begin, NUL, self.text.at - begin):
+            return self.fail(BINARY)
         return 0
 
     cdef bint is_word(self, const char *word) noexcept nogil:
@@ -283,9 +323,8 @@ cdef class Lines(Tokens):
         return word[i] == NUL and i == self.text.length
 
     cdef _keep(self):
-        cdef unsigned char *at = self.text.token + self.text.length
-        cdef unsigned char *end = at
-        while end < self.text.end and end[0] != NEWLINE and end[0] != RETURN:
-            end += 1
         kind = Statement.MATERIAL if self.is_word(b"usemtl") else Statement.LIBRARY
-        self.statements.append((self.counts, kind, bytes(at[:end - at]).strip()))
+        cdef unsigned char *begin = self.text.token + self.text.length
+        self.skip_line()
+        text = GOES_ON.sub(b" ", begin[:self.text.at - begin])
+        self.statements.append((self.counts, kind, text.strip()))

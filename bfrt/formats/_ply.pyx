@@ -8,7 +8,7 @@ the parser, so that a list may be longer than a chunk and a strip of triangles l
 
 cimport cython
 from libc.math cimport floor
-from libc.stdint cimport int8_t, int16_t, int32_t, int64_t, uint16_t, uint32_t
+from libc.stdint cimport int8_t, int16_t, int32_t, int64_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy
 
 from bfrt.formats.text cimport FOUND, Tokens, find_token, read_any_number
@@ -25,6 +25,8 @@ cdef enum:
     UINT32
     FLOAT32
     FLOAT64
+    INT64
+    UINT64
 
 cpdef enum Fault:
     BAD_NUMBER = 1
@@ -33,7 +35,7 @@ cpdef enum Fault:
     LONG_FACE
 
 cdef enum:
-    MOST = 64  # properties of an element
+    MOST = 4096  # properties of an element
     LONGEST = 1 << 20
     # What a value ends with.
     GOT = 0
@@ -43,8 +45,8 @@ cdef enum:
 MOST_PROPERTIES = MOST
 MOST_CORNERS = LONGEST
 
-cdef int SIZES[8]
-SIZES[:] = [1, 1, 2, 2, 4, 4, 4, 8]
+cdef int SIZES[10]
+SIZES[:] = [1, 1, 2, 2, 4, 4, 4, 8, 8, 8]
 
 
 cdef inline void reverse(unsigned char *bytes, int size) noexcept nogil:
@@ -57,7 +59,7 @@ cdef inline void reverse(unsigned char *bytes, int size) noexcept nogil:
 
 
 cdef inline double value_of(const unsigned char *at, int kind, bint swapped) noexcept nogil:
-    """A value, as a double, which holds each exactly."""
+    """A value, as a double, which holds each exactly but for 64-bit integers beyond 2^53."""
     cdef unsigned char bytes[8]
     memcpy(bytes, at, SIZES[kind])
     if swapped:
@@ -76,6 +78,10 @@ cdef inline double value_of(const unsigned char *at, int kind, bint swapped) noe
         return (<int16_t *>bytes)[0]
     if kind == UINT16:
         return (<uint16_t *>bytes)[0]
+    if kind == INT64:
+        return <double>(<int64_t *>bytes)[0]
+    if kind == UINT64:
+        return <double>(<uint64_t *>bytes)[0]
     return (<int8_t *>bytes)[0]
 
 
@@ -103,6 +109,7 @@ cdef class Rows(Tokens):
     width : int
         Columns.
     layout : {"text", "little", "big"}
+        Text has no comments: PLY's are in its header.
     strips : bool
         Whether the list is a strip of triangles, in which -1 begins a new one.
 
@@ -168,6 +175,7 @@ cdef class Rows(Tokens):
         self.left = -1
         self.have = self.turn = 0
         self.text.line = line
+        self.text.comments = False
         self.pending = np.empty(0, np.int64)
 
     @property

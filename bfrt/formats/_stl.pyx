@@ -11,6 +11,7 @@ import numpy as np
 
 cdef enum:
     STEPS = 21  # tokens of a facet
+    ENDLOOP = 19  # the first of those that begin with end
 
 # A facet's tokens; NULL is a number, of the normal or of a vertex.
 cdef const char *FACET[STEPS]
@@ -27,6 +28,8 @@ cdef int FIRST_VERTEX = 7  # step from which on numbers are kept
 cdef class Facets(Tokens):
     """Take the text of solids apart.
 
+    Words that are parted, as ``end loop``, and lines that begin with ``color`` may be there too.
+
     Attributes
     ----------
     failed : bool
@@ -36,11 +39,14 @@ cdef class Facets(Tokens):
     cdef readonly bint failed
     cdef int step
     cdef int have
+    cdef Py_ssize_t ended  # letters of the word that is due that came apart: those of end
     cdef double values[9]
 
     def __init__(self):
         self.failed = False
         self.step = self.have = 0
+        self.ended = 0
+        self.text.comments = False
 
     @property
     def complete(self):
@@ -52,7 +58,7 @@ cdef class Facets(Tokens):
         """What comes next."""
         if self.step == 0:
             return "solid, facet or endsolid"
-        return "a number" if FACET[self.step] == NULL else FACET[self.step].decode()
+        return "a number" if FACET[self.step] == NULL else FACET[self.step][self.ended:].decode()
 
     def parse(self, const unsigned char[::1] chunk not None):
         """Read a chunk on: whole tokens, with a byte before and a NUL behind.
@@ -84,10 +90,10 @@ cdef class Facets(Tokens):
                 if self.step > FIRST_VERTEX:
                     self.values[self.have] = x
                     self.have += 1
+                self.step += 1
             elif not self.pass_word():
                 self.failed = True
                 return count
-            self.step += 1
             if self.step == STEPS:
                 memcpy(out + 9 * count, self.values, sizeof(self.values))
                 count += 1
@@ -96,18 +102,32 @@ cdef class Facets(Tokens):
         return count
 
     cdef bint pass_word(self) noexcept nogil:
-        """Pass over the word that is due, or before a facet over a solid's begin or end."""
+        """Pass over the word that is due, or over what may be before it."""
         measure(&self.text)
-        if self.is_word(FACET[self.step]):
+        if self.is_word(FACET[self.step] + self.ended):
             consume(&self.text)
-            return True
-        if self.step == 0 and (self.is_word(b"solid") or self.is_word(b"endsolid")):
+            self.step += 1
+            self.ended = 0
+        elif self.ended:
+            return False
+        elif self.step == 0 and self.is_of_solid() or self.is_word(b"color"):
+            self.pass_line()
+        elif self.step >= ENDLOOP and self.is_word(b"end"):
             consume(&self.text)
-            self.text.comment = True  # its name goes to the line's end
-            pass_blanks(&self.text)
-            self.step = -1
-            return True
-        return False
+            self.ended = 3
+        else:
+            return False
+        return True
+
+    cdef bint is_of_solid(self) noexcept nogil:
+        """Whether the token begins or ends a solid, whose name goes to the line's end."""
+        return self.is_word(b"solid") or self.is_word(b"endsolid") or self.is_word(b"end")
+
+    cdef void pass_line(self) noexcept nogil:
+        """Pass over the rest of the line, which may go on in the next chunk."""
+        consume(&self.text)
+        self.text.comment = True
+        pass_blanks(&self.text)
 
     cdef bint is_word(self, const char *word) noexcept nogil:
         """Whether the token is a word, in any case."""

@@ -10,70 +10,47 @@ names                      what they are
 ``triangles``              (n, 3, 3) or (n, 9)
 ``spheres``                (n, 4): x y z and the radius
 `CENTERS`, ``radii``       (n, 3) and (n,): spheres, or points where there are no radii
-any other                  (n,) columns to color by; ``colors`` (n, 3) for ``rgb``
+``x``, ``y``, ``z``        (n,) each: the same, in three columns
+any other                  (n,) columns to color by; ``colors`` (n, 3) for ``rgb``, or
+                           ``red``, ``green``, ``blue``
 =========================  =========================================================
+
+A name's last part counts, behind the last slash: the part before is a folder, as of HDF5's groups
+or of the fields of records. What belongs together is in one folder.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Protocol
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import BfrtError, SceneError, SettingError
+from bfrt.errors import SettingError
+from bfrt.formats.colors import full_of
 from bfrt.formats.mesh import Faces, write_mesh
+from bfrt.formats.naming import (
+    RADII,
+    beside,
+    colors_in,
+    is_column,
+    is_rows,
+    joined,
+    mesh_in,
+    named,
+    positions_in,
+    positions_named,
+    triangles_in,
+)
 from bfrt.formats.outlet import Outlet
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import PAINTED, POINTS, RGB, Reading
-from bfrt.formats.source import printable
-
-#: Names that positions go by.
-CENTERS = ("centers", "positions", "points", "coordinates", "pos", "coords", "xyz")
-RADII = ("radii", "radius")
-COLORS = ("colors", "rgb", "color")
-
-#: What full color is, of whole numbers.
-FULL = {np.dtype("u1"): 255.0, np.dtype("u2"): 65535.0}
+from bfrt.formats.table import Array, Arrays, Rows, floats, level, wrong
 
 #: Bytes of an array's rows that are read at once, unless one row has more.
 BLOCK_BYTES = 8 << 20
-
-
-class Array(Protocol):
-    """An array whose rows can be read again and again."""
-
-    name: str
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-
-    def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        """All rows, `rows` at a time, the last fewer."""
-        ...
-
-
-Arrays = Mapping[str, Array]
-
-
-class Lazy(Mapping[str, Array]):
-    """Arrays that are opened when they are asked for: what nobody needs may be anything."""
-
-    def __init__(self, openers: Mapping[str, Callable[[], Array]]) -> None:
-        self._openers = openers
-
-    def __getitem__(self, name: str) -> Array:
-        return self._openers[name]()
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._openers
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._openers)
-
-    def __len__(self) -> int:
-        return len(self._openers)
 
 
 def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
@@ -87,22 +64,23 @@ def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
         If a setting names what is not there.
     """
     reading = outlet.reading
-    if reading.positions is None and "vertices" in arrays and "faces" in arrays:
-        write_mesh(ArrayMesh(file, arrays, reading), outlet)
-    elif reading.positions is None and "triangles" in arrays:
-        write_triangles(arrays, outlet)
+    points = reading.positions is not None
+    if not points and (mesh := mesh_in(file, arrays)):
+        write_mesh(ArrayMesh(file, arrays, reading, *mesh), outlet)
+    elif not points and (triangles := triangles_in(file, arrays)):
+        write_triangles(arrays, triangles[0], outlet)
     else:
         reading.refuse_all_but(file, "positions", *POINTS)
         write_points(ArrayPoints(file, arrays, reading), outlet)
 
 
-def write_triangles(arrays: Arrays, outlet: Outlet) -> None:
+def write_triangles(arrays: Arrays, key: str, outlet: Outlet) -> None:
     """Triangles as they are, painted by a column of as many."""
-    reading, triangles = outlet.reading, arrays["triangles"]
+    reading, triangles = outlet.reading, arrays[key]
     reading.refuse_all_but(outlet.name, *PAINTED)
     if triangles.shape[1:] not in ((3, 3), (9,)):
         raise wrong(triangles, "(n, 3, 3) or (n, 9)")
-    column = painting(arrays, reading, outlet.name, "triangles", triangles.shape[0])
+    column = painting(arrays, reading, outlet.name, key, triangles.shape[0])
     if column is not None:
         outlet.paint_by(numbers(column))
     dtype = floats(triangles)
@@ -115,29 +93,20 @@ class ArrayPoints:
 
     def __init__(self, file: str, arrays: Arrays, reading: Reading) -> None:
         self.name = file
-        key = self._find_centers(arrays, reading)
-        self._centers = arrays[key]
+        keys = self._find_centers(arrays, reading)
+        self._centers = joined(arrays, keys)
         self._has_radii = self._centers.shape[1:] == (4,) and reading.radius is None
         if self._centers.shape[1:] not in ((3,), (4,)):
-            raise wrong(self._centers, "(n, 3), or (n, 4) with radii")
+            raise wrong(arrays[keys[0]], "(n, 3), or (n, 4) with radii")
         count = self._centers.shape[0]
-        self._radii = self._find_radii(arrays, reading, key, count)
-        self._values = painting(arrays, reading, file, key, count)
+        self._radii = self._find_radii(arrays, reading, keys[0], count)
+        self._values = painting(arrays, reading, file, keys[0], count)
         self.painted = self._values is not None
 
-    def _find_centers(self, arrays: Arrays, reading: Reading) -> str:
-        if reading.positions is not None:
-            return named(arrays, reading.positions, self.name, "positions")
-        known = ("spheres", *CENTERS)
-        found = called(arrays, known)
-        if len(found) > 1:
-            found = [key for key in found if is_points(arrays[key])] or found
-        if len(found) != 1:
-            raise SceneError(
-                f"{self.name}: found {listed(found or arrays)}, expected one array named as "
-                f"one of {', '.join(known)}, or positions= with its name"
-            )
-        return found[0]
+    def _find_centers(self, arrays: Arrays, reading: Reading) -> list[str]:
+        if reading.positions is None:
+            return positions_in(self.name, arrays)
+        return positions_named(self.name, arrays, reading.positions)
 
     def _find_radii(
         self, arrays: Arrays, reading: Reading, centers: str, count: int
@@ -147,7 +116,7 @@ class ArrayPoints:
             key = named(arrays, reading.radius, self.name, "radius", centers)
             return column_of(arrays[key], count)
         if reading.radius is None and not self._has_radii:
-            for key in beside(called(arrays, RADII), centers):
+            for key in beside(arrays, RADII, centers):
                 return column_of(arrays[key], count)
         return None
 
@@ -165,9 +134,11 @@ class ArrayPoints:
 class ArrayMesh:
     """Vertices and faces: `bfrt.formats.mesh.Mesh`."""
 
-    def __init__(self, file: str, arrays: Arrays, reading: Reading) -> None:
+    def __init__(
+        self, file: str, arrays: Arrays, reading: Reading, vertices: str, faces: str
+    ) -> None:
         self.name = file
-        self._vertices, self._faces = arrays["vertices"], arrays["faces"]
+        self._vertices, self._faces = arrays[vertices], arrays[faces]
         if self._vertices.shape[1:] != (3,):
             raise wrong(self._vertices, "(n, 3)")
         each = self._faces.shape[1:]
@@ -176,7 +147,7 @@ class ArrayMesh:
         self.vertices = self._vertices.shape[0]
         self.coordinates = floats(self._vertices)
         counts = (self.vertices, self._faces.shape[0])
-        self._column = painting(arrays, reading, file, "vertices", *counts)
+        self._column = painting(arrays, reading, file, vertices, *counts)
         self.painted = self._column is not None
         self._of_vertices = self.painted and self._rows() == self.vertices
         self.row = self.coordinates
@@ -206,7 +177,7 @@ class ArrayMesh:
         return numbers(self._column)
 
 
-def painting(arrays: Arrays, reading: Reading, file: str, near: str, *counts: int) -> Array | None:
+def painting(arrays: Arrays, reading: Reading, file: str, near: str, *counts: int) -> Rows | None:
     """The array that colors are made of, with a row for each of so many things.
 
     It is in the folder of the array `near`, or has its whole name.
@@ -215,14 +186,7 @@ def painting(arrays: Arrays, reading: Reading, file: str, near: str, *counts: in
         return None
     if reading.color_by != RGB:
         return column_of(arrays[named(arrays, reading.color_by, file, "color_by", near)], *counts)
-    there = called(arrays, COLORS)
-    there = beside(there, near) or there
-    if len(there) != 1:
-        raise SettingError(
-            f"{file}: found {listed(there or arrays)}, expected one array of colors (n, 3), named "
-            f"as one of {', '.join(COLORS)}"
-        )
-    found = arrays[there[0]]
+    found = colors_in(file, arrays, near)
     if not is_rows(found, 3) or found.shape[0] not in counts:
         raise wrong(found, f"numbers of shape ({either(counts)}, 3)", SettingError)
     return Scaled(found)
@@ -231,50 +195,14 @@ def painting(arrays: Arrays, reading: Reading, file: str, near: str, *counts: in
 class Scaled:
     """Colors from 0 to 1, of whole numbers or of floats."""
 
-    def __init__(self, array: Array) -> None:
+    def __init__(self, array: Rows) -> None:
         self.name, self.shape, self._array = array.name, array.shape, array
         self.dtype = np.dtype("f4")
+        self._full = full_of(array.name, array.dtype, numbers(array))
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        full = FULL.get(self._array.dtype.newbyteorder("="), 1.0)
         for block in self._array.blocks(rows):
-            yield (block / full).astype(np.float32)
-
-
-def named(arrays: Arrays, name: str, file: str, setting: str, near: str = "") -> str:
-    """The key of the array of a name: in the folder of another, or by its whole name.
-
-    Raises
-    ------
-    SettingError
-        If there is none.
-    """
-    for key in (f"{near.rpartition('/')[0]}/{name}", name, name.lstrip("/")):
-        if key in arrays:
-            return key
-    raise SettingError(
-        f"{file}: found no array {name!r} for {setting}, expected one of {listed(arrays)}"
-    )
-
-
-def called(arrays: Arrays, names: tuple[str, ...]) -> list[str]:
-    """The keys that end on one of some names, in any case."""
-    return [key for key in arrays if key.rpartition("/")[2].lower() in names]
-
-
-def beside(keys: list[str], near: str) -> list[str]:
-    """Those in the folder of an array."""
-    return [key for key in keys if key.rpartition("/")[0] == near.rpartition("/")[0]]
-
-
-def is_rows(array: Array, *columns: int) -> bool:
-    """Whether it has rows of so many numbers."""
-    return len(array.shape) == 2 and array.shape[1] in columns and array.dtype.kind in "fiub"
-
-
-def is_points(array: Array) -> bool:
-    """Whether it may be positions."""
-    return is_rows(array, 3, 4)
+            yield (block / self._full).astype(np.float32)
 
 
 def column_of(array: Array, *counts: int) -> Array:
@@ -285,9 +213,10 @@ def column_of(array: Array, *counts: int) -> Array:
     SettingError
         If it is not.
     """
-    if len(array.shape) != 1 or array.shape[0] not in counts or array.dtype.kind not in "fiub":
+    column = level(array, 1)
+    if not is_column(column) or column.shape[0] not in counts:
         raise wrong(array, f"numbers of shape ({either(counts)},)", SettingError)
-    return array
+    return column
 
 
 def either(counts: tuple[int, ...]) -> str:
@@ -295,12 +224,12 @@ def either(counts: tuple[int, ...]) -> str:
     return " or ".join(map(str, counts))
 
 
-def numbers(column: Array | None) -> Iterator[NDArray[Any]]:
+def numbers(column: Rows | None) -> Iterator[NDArray[Any]]:
     """What a map's range is taken from."""
     return iter(()) if column is None else column.blocks(BLOCK)
 
 
-def together(first: Array, *others: Array | None) -> Iterator[tuple[Any, ...]]:
+def together(first: Rows, *others: Rows | None) -> Iterator[tuple[Any, ...]]:
     """The rows of arrays of one length, block by block; None for what is not there."""
     there = [first, *(other for other in others if other is not None)]
     widest = max(math.prod(array.shape[1:]) * array.dtype.itemsize for array in there)
@@ -308,22 +237,3 @@ def together(first: Array, *others: Array | None) -> Iterator[tuple[Any, ...]]:
     for blocks in zip(*(array.blocks(rows) for array in there), strict=True):
         found = iter(blocks[1:])
         yield blocks[0], *(None if other is None else next(found) for other in others)
-
-
-def floats(array: Array) -> np.dtype[Any]:
-    """float32 where that holds the numbers exactly, else float64."""
-    if array.dtype.kind not in "fiub" or array.dtype.itemsize > 8:
-        raise wrong(array, "numbers of 64 bits or fewer")
-    return np.dtype("f4") if np.can_cast(array.dtype, np.float32) else np.dtype("f8")
-
-
-def wrong(array: Array, expected: str, kind: type[BfrtError] = SceneError) -> BfrtError:
-    """What is said of an array of another shape or type."""
-    dtype = printable(str(array.dtype))
-    return kind(f"{array.name}: found {dtype} of shape {array.shape}, expected {expected}")
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names as an error shows them."""
-    shown = [printable(name) for name in names]
-    return ", ".join(shown[:12]) + (", ..." if len(shown) > 12 else "") or "no arrays"

@@ -6,6 +6,7 @@ palette of a billion points has at most 65,536 of them and an object's material 
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable
 from typing import Any, Protocol
@@ -16,6 +17,11 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.reading import RGB, Reading
 from bfrt.store.model import Material
+
+log = logging.getLogger(__name__)
+
+#: What full color is in 8 and in 16 bits.
+FULL_8, FULL_16 = 255.0, 65535.0
 
 #: Colors of a map.
 STEPS = 256
@@ -143,6 +149,37 @@ class Painter:
             self._indices[new] = self._index(linear(color))
         found: NDArray[np.uint32] = self._indices[packed].astype(np.uint32)
         return found
+
+
+def full_of(name: str, dtype: np.dtype[Any], blocks: Iterable[NDArray[Any]]) -> float:
+    """What full color is, of a file's own colors.
+
+    1 for floats and 255 for bytes. Whole numbers of more bits may be of 8 or of 16: the greatest
+    tells, which costs a pass over them, that ends where 16 bits are sure.
+
+    Raises
+    ------
+    SceneError
+        If one is greater than 16 bits hold.
+    """
+    if dtype.kind not in "iu":
+        return 1.0
+    if dtype == np.uint8:
+        return FULL_8
+    greatest = 0
+    for block in blocks:
+        greatest = max(greatest, int(block.max(initial=0)))
+        if dtype.itemsize <= 2 and greatest > FULL_8:
+            break
+    if greatest > FULL_16:
+        raise SceneError(f"{name}: found a color of {greatest}, expected 0 to {int(FULL_16)}")
+    if dtype.itemsize > 2 and greatest <= 1:
+        return 1.0
+    if greatest > FULL_8:
+        return FULL_16
+    if dtype.itemsize == 2 and greatest:
+        log.warning("%s: colors of 16 bits go to %d only: taken as of 8 bits", name, greatest)
+    return FULL_8
 
 
 def value_range(values: Iterable[NDArray[Any]], name: str) -> tuple[float, float]:

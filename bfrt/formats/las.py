@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats.laz import asking, backend_for, check_records
+from bfrt.formats.colors import full_of
+from bfrt.formats.laz import LasSource, asking, backend_for
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, printable
-
-#: What full color is: the standard wants 16 bits.
-FULL = 65535.0
 
 
 class Scan:
@@ -29,6 +27,7 @@ class Scan:
         self._asked = reading.columns
         self._radius = (reading.radius,) if isinstance(reading.radius, str) else ()
         self.painted = bool(self._asked)
+        self._full = 1.0
         with self._opened() as file:
             dimensions = file.header.point_format.dimensions
         there = {*"xyz", *(each.name for each in dimensions if each.num_elements == 1)}
@@ -38,10 +37,11 @@ class Scan:
                     f"{self.name}: found no dimension {name!r}, expected one of "
                     f"{', '.join(map(printable, sorted(there)))}"
                 )
+        if len(self._asked) == 3:  # the standard wants 16 bits, which not all writers know
+            self._full = full_of(self.name, np.dtype("u2"), self.numbers())
 
     def _opened(self) -> Any:
         with asking(self._source, "a LAS or LAZ file"):
-            check_records(self._source)
             self._source.seek(0)
             file = self._laspy.open(self._source, closefd=False, read_evlrs=False)
             if file.header.are_points_compressed and file.header.point_count:
@@ -76,7 +76,7 @@ class Scan:
 
     def _values(self, chunk: Any) -> NDArray[Any]:
         columns = [np.asarray(chunk[name], np.float64) for name in self._asked]
-        return columns[0] if len(columns) == 1 else np.stack(columns, axis=-1) / FULL
+        return columns[0] if len(columns) == 1 else np.stack(columns, axis=-1) / self._full
 
     def numbers(self) -> Iterator[NDArray[Any]]:
         return (self._values(chunk) for chunk in self._chunks())
@@ -100,7 +100,7 @@ def read_las(path: str, sink: SceneSink, reading: Reading, report: Report | None
         import lazrs  # noqa: F401
     except ImportError:
         raise SettingError(f"{path}: LAS needs laspy and lazrs: install bfrt[las]") from None
-    with Source(path) as source:
+    with LasSource(path) as source:
         outlet = Outlet(sink, path, reading)
         write_points(Scan(source, laspy, reading), outlet)
         outlet.report()

@@ -14,13 +14,14 @@ for each, and read once, forwards.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.memory import format_memory
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats.outlet import Outlet, cast
 from bfrt.formats.reading import PAINTED
@@ -30,14 +31,14 @@ from bfrt.streams.spool import Spool
 #: Vertices of a queue that are looked up at once.
 BLOCK = 1 << 17
 
+#: Corners of faces that are made objects at once.
+CORNERS = 1 << 17
+
 #: A block's vertices are looked up in a table where it has at most so many entries a corner.
 SPREAD = 4
 
-#: What a conversion takes beside vertices: the process, blocks that are read, made and written.
-CONVERTING = BASELINE + (84 << 20)
-
-#: The fewest bytes of vertices that are worth a pass.
-FEWEST = 8 << 20
+#: Windows of vertices, at the most: each has two files.
+WINDOWS = 256
 
 PLACE = np.dtype([("place", "<u4")])
 
@@ -104,10 +105,12 @@ class Mesh(Protocol):
 def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
     """All faces, painted by their own numbers or by the mean of their vertices'."""
     reading = outlet.reading
-    reading.refuse_all_but(mesh.name, *PAINTED, "triangulate")
+    unpainted = reading.color_by is not None and not mesh.painted
+    painted = ("skip_invalid",) if unpainted else PAINTED
+    reading.refuse_all_but(mesh.name, *painted, "triangulate", "polygons")
     if mesh.painted:
         outlet.paint_by(mesh.numbers())
-    for corners, faces in joined(mesh, reading.memory, reading.scratch):
+    for corners, faces in joined(mesh, reading.room, reading.scratch):
         values = faces.values
         if values is None and mesh.painted:
             values = means(corners[:, 3:], faces.counts)
@@ -123,34 +126,36 @@ def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:
     return mean[:, 0] if mean.shape[1] == 1 else mean
 
 
-def joined(mesh: Mesh, memory: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
+def joined(mesh: Mesh, room: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
     """The faces of a mesh with the vertices of their corners, (m, columns).
 
     Parameters
     ----------
     mesh : Mesh
-    memory : int
-        Bytes that the process may take.
+    room : int
+        Bytes that vertices may take.
     scratch : Path
         Folder for the queues where they take more: 4 bytes and a vertex for each corner.
 
     Raises
     ------
     BudgetError
-        If that is less than the least that works, which the message names.
+        If so many vertices need more, which the message tells.
     SceneError
         If an index is out of range.
     DiskFullError, StreamError
         As the system refuses.
     """
-    if memory < CONVERTING + FEWEST:
-        raise BudgetError(
-            f"memory: found {memory >> 20}MiB, expected {format_memory(CONVERTING + FEWEST)} or "
-            "more to convert a mesh"
-        )
-    most = (memory - CONVERTING) // (mesh.columns * mesh.row.itemsize)
+    size = mesh.columns * mesh.row.itemsize
+    most = room // size
     if mesh.vertices <= most:
         return joined_in_memory(mesh)
+    if mesh.vertices > WINDOWS * most:
+        short = -(-mesh.vertices // WINDOWS) * size - room
+        raise BudgetError(
+            f"{mesh.name}: found {mesh.vertices} vertices, expected a budget of "
+            f"{format_memory(short)} more to join them with faces"
+        )
     return joined_on_disk(mesh, most, scratch)
 
 
@@ -202,9 +207,9 @@ def expect(records: NDArray[Any], count: int, mesh: Mesh) -> NDArray[Any]:
 
 
 def checked(mesh: Mesh) -> Iterator[Faces]:
-    """The faces of a mesh, whose indices are in range."""
+    """The faces of a mesh, whose indices are in range, `CORNERS` at a time."""
     before = 0
-    for faces in mesh.face_blocks():
+    for faces in parts(mesh.face_blocks()):
         indices = faces.indices
         if len(indices) and not 0 <= indices.min() <= indices.max() < mesh.vertices:
             bad = int(np.argmax((indices < 0) | (indices >= mesh.vertices)))
@@ -215,6 +220,23 @@ def checked(mesh: Mesh) -> Iterator[Faces]:
             )
         before += len(faces.counts)
         yield faces
+
+
+def parts(blocks: Iterable[Faces]) -> Iterator[Faces]:
+    """Blocks of faces cut up, so that each has `CORNERS` at the most, or is a single face."""
+    for faces in blocks:
+        ends = np.cumsum(faces.counts, dtype=np.int64)
+        first = start = 0
+        while first < len(ends):
+            last = max(int(np.searchsorted(ends, start + CORNERS, "right")), first + 1)
+            end = int(ends[last - 1])
+            yield Faces(
+                faces.indices[start:end],
+                faces.counts[first:last],
+                None if faces.values is None else faces.values[first:last],
+                None if faces.materials is None else faces.materials[first:last],
+            )
+            first, start = last, end
 
 
 def once_each(indices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

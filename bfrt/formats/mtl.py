@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 from bfrt.errors import SceneError
 from bfrt.formats.source import Source, shown
 from bfrt.store.model import Material
+
+log = logging.getLogger(__name__)
 
 #: A library is small; this is read at the most.
 LIBRARY_BYTES = 1 << 26
@@ -19,67 +23,112 @@ MIRRORS = 3
 NUMBERS = {b"Kd": 3, b"Ks": 3, b"Ns": 1, b"Ni": 1, b"d": 1, b"Tr": 1, b"illum": 1}
 
 
+class Statement(NamedTuple):
+    """A line of a material; `numbers` are None where they are wrong."""
+
+    line: int
+    words: list[bytes]
+    numbers: tuple[float, ...] | None
+
+
 def read_mtl(path: Path) -> dict[bytes, Material]:
     """The materials of a library by their names.
 
     ``Kd`` is the color, ``d`` or ``Tr`` the transmittance, ``Ni`` the index of refraction; ``Ks``
     and ``Ns`` are kept where ``illum`` asks for reflection (3 and up), for in bfrt a specular
-    surface is a mirror.
+    surface is a mirror. A statement that counts and whose numbers are wrong is named in a warning,
+    and its default taken: a color is no reason to refuse a mesh.
 
     Raises
     ------
     SceneError
-        For a statement of these whose numbers are wrong.
+        If the library is larger than any.
     StreamError
         If the system refuses to read it.
     """
     with Source(path) as source:
-        text = source.read(LIBRARY_BYTES)
         if source.size > LIBRARY_BYTES:
             raise SceneError(f"{path}: found {source.size} bytes, expected {LIBRARY_BYTES} or less")
+        text = source.head(source.most_text)
+    library = Library(path)
     found: dict[bytes, Material] = {}
     name: bytes | None = None
-    known: dict[bytes, tuple[float, ...]] = {}
+    known: dict[bytes, Statement] = {}
     for number, line in enumerate(text.splitlines(), 1):
-        key, *rest = line.split(b"#")[0].split() or (b"",)
+        key, *rest = words_of(line) or [b""]
         if key == b"newmtl":
             if name is not None:
-                found[name] = material_of(known)
+                found[name] = library.material(known)
             name, known = line.strip()[len(key) :].strip(), {}
         elif key in NUMBERS and rest[:1] not in ([b"spectral"], [b"xyz"]):
-            known[key] = numbers_of(path, number, key, rest)
+            known[key] = Statement(number, [key, *rest], numbers_of(key, rest))
     if name is not None:
-        found[name] = material_of(known)
+        found[name] = library.material(known)
     return found
 
 
-def numbers_of(path: Path, line: int, key: bytes, words: list[bytes]) -> tuple[float, ...]:
+def words_of(line: bytes) -> list[bytes]:
+    """The words of a line as far as its comment, which a word begins: ``1.#IND`` is none."""
+    words = line.split()
+    return words[: next((i for i, word in enumerate(words) if word.startswith(b"#")), len(words))]
+
+
+def numbers_of(key: bytes, words: list[bytes]) -> tuple[float, ...] | None:
     """A statement's numbers, finite and not negative; one color stands for all three."""
     if key == b"d" and words[:1] == [b"-halo"]:
         words = words[1:]
-    words = words * 3 if NUMBERS[key] == 3 and len(words) == 1 else words
+    words = words * 3 if NUMBERS[key] == 3 and len(words) == 1 else words[: NUMBERS[key]]
     try:
-        found = tuple(float(word) for word in words[: NUMBERS[key]])
+        found = tuple(map(float, words))
     except ValueError:
-        found = ()
-    if len(found) < NUMBERS[key] or not all(math.isfinite(x) and 0 <= x < 3e38 for x in found):
-        raise SceneError(
-            f"{path}: line {line}: found {shown(b' '.join((key, *words)))}, expected "
-            f"{key.decode()} with {NUMBERS[key]} finite numbers, 0 or more"
+        return None
+    good = all(math.isfinite(x) and 0 <= x < 3e38 for x in found) and b"_" not in b"".join(words)
+    return found if good and len(found) == NUMBERS[key] else None
+
+
+class Library:
+    """What statements of a library's materials mean."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def material(self, known: dict[bytes, Statement]) -> Material:
+        """A material of its statements; those that it has no use for may be anything."""
+        red, green, blue = self._numbers(known, b"Kd", Material().color)
+        transmittance = self._transmittance(known)
+        mirrors = self._numbers(known, b"illum", (0.0,))[0] >= MIRRORS
+        return Material(
+            (red, green, blue),
+            kd=1.0,
+            ks=max(self._numbers(known, b"Ks", (0.0,))) if mirrors else 0.0,
+            shine=self._numbers(known, b"Ns", (1.0,))[0] if mirrors else 1.0,
+            transmittance=transmittance,
+            ior=self._numbers(known, b"Ni", (1.0,))[0] or 1.0,
         )
-    return found
 
+    def _transmittance(self, known: dict[bytes, Statement]) -> float:
+        if b"d" in known:
+            through = 1.0 - self._numbers(known, b"d", (1.0,))[0]
+        else:
+            through = self._numbers(known, b"Tr", (0.0,))[0]
+        return min(max(through, 0.0), 1.0)
 
-def material_of(known: dict[bytes, tuple[float, ...]]) -> Material:
-    """What statements make of a material."""
-    red, green, blue = known.get(b"Kd", Material().color)
-    mirrors = known.get(b"illum", (0.0,))[0] >= MIRRORS
-    opaque = known.get(b"d", (1.0 - known.get(b"Tr", (0.0,))[0],))[0]
-    return Material(
-        (red, green, blue),
-        kd=1.0,
-        ks=max(known.get(b"Ks", (0.0,))) if mirrors else 0.0,
-        shine=known.get(b"Ns", (1.0,))[0] if mirrors else 1.0,
-        transmittance=min(max(1.0 - opaque, 0.0), 1.0),
-        ior=known.get(b"Ni", (1.0,))[0] or 1.0,
-    )
+    def _numbers(
+        self, known: dict[bytes, Statement], key: bytes, default: tuple[float, ...]
+    ) -> tuple[float, ...]:
+        """A statement's numbers, or a default where there are none."""
+        if key not in known:
+            return default
+        line, words, numbers = known[key]
+        if numbers is None:
+            log.warning(
+                "%s: line %d: found %s, expected %s with %d finite numbers, 0 or more; "
+                "its default is taken",
+                self._path,
+                line,
+                shown(b" ".join(words)),
+                key.decode(),
+                NUMBERS[key],
+            )
+            return default
+        return numbers

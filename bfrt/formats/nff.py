@@ -4,7 +4,8 @@
 
     path, "-" or stream --> chunks of 1 MiB --> _nff.Parser --> events --> SceneSink
 
-The text is a sequence of tokens; line ends matter to comments and error messages only.
+The text is a sequence of tokens; line ends matter to comments and error messages only. Text that
+begins with the byte order mark of UTF-8 or UTF-16 is decoded on the way.
 
 ======  ====================================================  =================================
 entity  numbers                                               becomes
@@ -32,7 +33,7 @@ import errno
 import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import BinaryIO
 
 from bfrt.errors import SceneError, StreamError
@@ -45,6 +46,7 @@ from bfrt.formats._nff import (
     Fault,
     Parser,
 )
+from bfrt.formats.encoding import Decoder
 from bfrt.formats.outlet import SceneSink
 from bfrt.records import Kind
 from bfrt.store.model import Camera, Light, Material, Vector
@@ -129,15 +131,23 @@ def _read(
     with contextlib.ExitStack() as stack:
         stream, name = _open(source, stack)
         reader = _Reader(name, writer, Parser(chunk_bytes, block_objects))
+        decoder = Decoder(name)
         consumed = 0
-        while True:
-            chunk = _read_chunk(stream, name, chunk_bytes, consumed)
-            reader.take_chunk(chunk)
-            if not chunk:
-                return
+        while chunk := _read_chunk(stream, name, chunk_bytes, consumed):
+            for part in _parts(decoder.decode(chunk, final=False), chunk_bytes):
+                reader.take_chunk(part)
             consumed += len(chunk)
             if progress is not None:
                 progress(consumed)
+        for part in _parts(decoder.decode(b"", final=True), chunk_bytes):
+            reader.take_chunk(part)
+        reader.take_chunk(b"")
+
+
+def _parts(text: bytes, size: int) -> Iterator[bytes]:
+    """A text in parts of a size at the most: decoded it may be longer than it was."""
+    for start in range(0, len(text), size):
+        yield text[start : start + size]  # bytes themselves, not a copy, where that is all
 
 
 def _open(

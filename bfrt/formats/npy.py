@@ -7,6 +7,7 @@ an error and not the end of the process.
 from __future__ import annotations
 
 import contextlib
+import copy
 import math
 import os
 import zipfile
@@ -18,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError, SceneError, ShortReadError
-from bfrt.formats.arrays import CENTERS, Lazy, write_arrays
+from bfrt.formats.arrays import write_arrays
+from bfrt.formats.naming import CENTERS, within
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report, Source, printable, said
+from bfrt.formats.table import Array, Lazy, level, openers_of
 
 #: Bytes of a header: NumPy takes no more either.
 HEADER_BYTES = 10_000
@@ -110,6 +113,17 @@ class NpyArray:
             if row:
                 self._end(files[-1])
 
+    def shallow(self) -> NpyArray:
+        """The rows of a map one after another: of (h, w, 3) the (h w, 3)."""
+        if self._columns > 1:
+            raise SceneError(
+                f"{self.name}: found shape {self.shape} in Fortran order, expected C order for "
+                "more than two dimensions"
+            )
+        flat = copy.copy(self)
+        flat.shape = (self.shape[0] * self.shape[1], *self.shape[2:])
+        return flat
+
     def _joined(self, parts: list[NDArray[Any]], n: int) -> NDArray[Any]:
         shape = (n, *self.shape[1:])
         if len(parts) == 1:
@@ -148,8 +162,8 @@ class NpyArray:
 
 
 def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
-    """Read an .npy file: spheres (n, 4), points (n, 3), triangles (n, 3, 3) or (n, 9), or rows
-    with fields ``x y z`` and others.
+    """Read an .npy file: spheres (n, 4), points (n, 3), a map (h, w, 3) of points, triangles
+    (n, 3, 3) or (n, 9), or records with fields ``x y z`` and others.
 
     Raises
     ------
@@ -162,7 +176,8 @@ def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None
     """
     array = NpyArray(path, partial(Source, path, report))
     outlet = Outlet(sink, path, reading)
-    write_arrays(path, fields_of(array) if array.dtype.names else by_shape(array), outlet)
+    records = array.dtype.names is not None
+    write_arrays(path, Lazy(fields_of(array)) if records else by_shape(array), outlet)
     outlet.report()
 
 
@@ -170,44 +185,18 @@ def by_shape(array: NpyArray) -> dict[str, Any]:
     """The array under the name that its shape tells."""
     if array.shape[1:] in ((3, 3), (9,)):
         return {"triangles": array}
-    if array.shape[1:] in ((3,), (4,)):
+    if array.shape[1:] in ((3,), (4,)) or (len(array.shape) == 3 and array.shape[2] == 3):
         return {CENTERS[0]: array}
     raise SceneError(
-        f"{array.name}: found {array.dtype} of shape {array.shape}, expected (n, 3) points, "
-        "(n, 4) spheres, (n, 3, 3) or (n, 9) triangles"
+        f"{array.name}: found {array.dtype} of shape {array.shape}, expected (n, 3) or (h, w, 3) "
+        "points, (n, 4) spheres, (n, 3, 3) or (n, 9) triangles"
     )
 
 
-class Field:
-    """Fields of rows as an array: one as a column, several side by side."""
-
-    def __init__(self, array: NpyArray, *fields: str) -> None:
-        self.name = f"{array.name}: {printable(' '.join(fields))}"
-        self._array = array
-        self._fields = fields
-        first: np.dtype[Any] = array.dtype[fields[0]]
-        self.dtype = np.result_type(*(array.dtype[field].base for field in fields))
-        beside = (len(fields),) if len(fields) > 1 else first.shape
-        self.shape = (array.shape[0], *beside)
-
-    def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        """All rows, `rows` at a time."""
-        for block in self._array.blocks(rows):
-            if len(self._fields) > 1:
-                yield np.stack([block[field] for field in self._fields], axis=-1)
-            else:
-                yield np.ascontiguousarray(block[self._fields[0]])
-
-
-def fields_of(array: NpyArray) -> dict[str, Any]:
-    """The fields of an array of records, and its positions where they are three numbers."""
-    names = array.dtype.names or ()
-    if len(array.shape) != 1:
-        raise SceneError(f"{array.name}: found records of shape {array.shape}, expected (n,)")
-    found = {name: Field(array, name) for name in names}
-    if all(name in names and array.dtype[name].kind in "fiu" for name in "xyz"):
-        found[CENTERS[0]] = Field(array, "x", "y", "z")
-    return found
+def fields_of(array: NpyArray, name: str = "") -> dict[str, Callable[[], Array]]:
+    """What opens the fields of an array of records, by their names behind the array's."""
+    openers = openers_of(array.dtype, lambda: level(array, 1))
+    return {within(name, "/".join(path)): opener for path, opener in openers.items()}
 
 
 def read_npz(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
@@ -228,17 +217,27 @@ def read_npz(path: str, sink: SceneSink, reading: Reading, report: Report | None
         except Exception as error:  # of many kinds where its directory is broken
             raise source.failure(error, "a zip of arrays") from error
         with archive:
-            openers = {}
+            openers: dict[str, Callable[[], Array]] = {}
             for member in archive.namelist():
                 stem = member.removesuffix(".npy")
                 if stem != member:
                     name = f"{path}: {printable(stem)}"
-                    openers[stem] = partial(NpyArray, name, Member(source, archive, member))
+                    opened = partial(NpyArray, name, Member(source, archive, member))
+                    openers.update(member_of(stem, opened))
             outlet = Outlet(sink, path, reading)
             write_arrays(path, Lazy(openers), outlet)
             outlet.report()
         if report is not None:
             report(source.size)
+
+
+def member_of(name: str, opened: Callable[[], NpyArray]) -> dict[str, Callable[[], Array]]:
+    """What opens an array of a zip by its name; of one of records its fields."""
+    try:
+        array = opened()
+    except (SceneError, ShortReadError):  # nobody may need it
+        return {name: opened}
+    return {name: opened} if array.dtype.names is None else fields_of(array, name)
 
 
 class Member:

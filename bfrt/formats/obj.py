@@ -1,12 +1,14 @@
 """OBJ: vertices, faces of any number of corners, and the colors of their materials.
 
 Vertices are read first, in one pass over the text, then faces in another; numbers are float64, for
-the text has no types. Texture coordinates, normals, lines and curves are passed over.
+the text has no types. Texture coordinates, normals, lines and curves are passed over. A file of
+vertices alone has points.
 """
 
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,10 +18,11 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats._obj import MOST_CORNERS, Fault, Lines, Statement
-from bfrt.formats.mesh import CONVERTING, Faces, write_mesh
+from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
 from bfrt.formats.outlet import Outlet, SceneSink
-from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.points import PointBlock, write_points
+from bfrt.formats.reading import POINTS, RGB, Reading
 from bfrt.formats.source import Report, Source, shown
 from bfrt.store.model import Material
 
@@ -32,7 +35,102 @@ WORDS = {
     Fault.NO_VERTEX: "found vertex {}, expected one from 1, or from -1 back to the first",
     Fault.FEW_CORNERS: "found the line's end, expected three corners or more",
     Fault.MANY_CORNERS: f"found more than {MOST_CORNERS} corners, expected fewer",
+    Fault.BINARY: "found {} and a NUL byte in the line, expected text",
 }
+
+#: Blanks that part names of libraries; one that belongs to a name has a backslash before it.
+PARTING = re.compile(r"(?<!\\)\s+")
+
+
+class ObjVertices:
+    """The vertices of an OBJ file, and what a first pass over them tells of the file.
+
+    Attributes
+    ----------
+    count : int
+    columns : int
+        Numbers of each: three, and three of its color where that is wanted.
+    has_faces : bool
+    """
+
+    def __init__(self, source: Source, reading: Reading) -> None:
+        self.name = source.name
+        self.columns = 6 if reading.color_by == RGB else 3
+        self._source = source
+        self._keeping = reading.room // 2
+        self._kept: list[NDArray[Any]] | None = []
+        lines = Lines(of_faces=False)
+        for block in self._parsed(lines):
+            self._keep(block)
+        self.count, self.has_faces = lines.vertices, lines.faces > 0
+        self._check(lines)
+
+    def _keep(self, block: NDArray[Any]) -> None:
+        """Keep a block, if there are few."""
+        self._keeping -= block.nbytes
+        if self._keeping < 0:
+            self._kept = None
+        elif self._kept is not None:
+            self._kept.append(block)
+
+    def _check(self, lines: Lines) -> None:
+        """Refuse what is no OBJ, has nothing to draw, or has not the colors that are asked for."""
+        known = lines.vertices + lines.faces + lines.passed
+        if lines.unknown > known:
+            number, word = lines.stranger
+            raise SceneError(
+                f"{self.name}: line {number}: found {shown(word)}, expected v, f or another "
+                f"statement of OBJ, as in {known} of {known + lines.unknown} lines only"
+            )
+        if known and not lines.vertices and not lines.faces:
+            raise SceneError(f"{self.name}: found no v and no f, expected vertices and faces")
+        if lines.strokes and not lines.faces:
+            raise SceneError(
+                f"{self.name}: found lines (l) without a face (f), expected faces, or vertices "
+                "alone, which are points"
+            )
+        if lines.unknown:
+            log.warning(
+                "%s: %d lines of unknown statements were passed over", self.name, lines.unknown
+            )
+        if self.columns > 3 and lines.colored < lines.vertices:
+            raise SettingError(
+                f"{self.name}: found {lines.colored} colors for {lines.vertices} vertices, "
+                "expected one for each to color by"
+            )
+
+    def blocks(self) -> Iterator[NDArray[Any]]:
+        """All vertices, (n, columns) at a time."""
+        return self._parsed(Lines(of_faces=False)) if self._kept is None else iter(self._kept)
+
+    def _parsed(self, lines: Lines) -> Iterator[NDArray[Any]]:
+        for chunk in self._source.text(lines=True):
+            vertices = lines.parse(chunk)[0]
+            refuse_fault(lines, self.name)
+            yield vertices[:, : self.columns].copy()
+
+
+def refuse_fault(lines: Lines, name: str) -> None:
+    """Raise what the parser found wrong."""
+    if lines.fault:
+        told = WORDS[Fault(lines.fault)].format(shown(lines.token))
+        raise SceneError(f"{name}: line {lines.line}: {told}")
+
+
+class ObjPoints:
+    """The vertices of an OBJ file without faces: `bfrt.formats.points.Points`."""
+
+    def __init__(self, vertices: ObjVertices) -> None:
+        self.name = vertices.name
+        self.painted = vertices.columns > 3
+        self._vertices = vertices
+
+    def blocks(self) -> Iterator[PointBlock]:
+        for block in self._vertices.blocks():
+            yield PointBlock(block[:, :3], None, block[:, 3:] if self.painted else None)
+
+    def numbers(self) -> Iterator[NDArray[Any]]:
+        return iter(())  # colors are all there is, and need no range
 
 
 class ObjMesh:
@@ -40,62 +138,27 @@ class ObjMesh:
 
     row = coordinates = np.dtype("f8")
 
-    def __init__(self, source: Source, sink: SceneSink, reading: Reading) -> None:
+    def __init__(
+        self, vertices: ObjVertices, source: Source, sink: SceneSink, reading: Reading
+    ) -> None:
         self.name = source.name
-        self.painted = reading.color_by is not None
-        self.columns = 6 if self.painted else 3
+        self.vertices = vertices.count
+        self.columns = vertices.columns
+        self.painted = vertices.columns > 3
+        self.vertex_blocks = vertices.blocks
         self._source = source
         self._sink = sink
-        self._keeping = (reading.memory - CONVERTING) // 2
-        self._vertices: list[NDArray[Any]] | None = []
+        self._fewest = 0 if reading.skip_invalid else 3  # the outlet drops those of fewer
         self._materials: dict[bytes, int] = {}
         self._unknown: set[bytes] = set()
         self._missing: set[str] = set()
-        self._warned = False
-        self.vertices = sum(len(block) for block in self._counted())
-
-    def _counted(self) -> Iterator[NDArray[Any]]:
-        """A first pass over the vertices, which are kept if they are few."""
-        lines, held = Lines(of_faces=False), 0
-        for block in self._parsed_vertices(lines):
-            yield block
-            held += block.nbytes
-            if held > self._keeping:
-                self._vertices = None
-            elif self._vertices is not None:
-                self._vertices.append(block)
-        if self.painted and lines.colored < lines.vertices:
-            raise SettingError(
-                f"{self.name}: found {lines.colored} colors for {lines.vertices} vertices, "
-                "expected one for each to color by"
-            )
-
-    def _parsed_vertices(self, lines: Lines) -> Iterator[NDArray[Any]]:
-        for chunk in self._chunks():
-            vertices = lines.parse(chunk)[0]
-            self._check(lines)
-            yield vertices[:, : self.columns].copy()
-
-    def _chunks(self) -> Iterator[NDArray[np.uint8]]:
-        self._source.seek(0)
-        return self._source.text(lines=True)
-
-    def _check(self, lines: Lines) -> None:
-        if lines.fault:
-            told = WORDS[Fault(lines.fault)].format(shown(lines.token))
-            raise SceneError(f"{self.name}: line {lines.line}: {told}")
-
-    def vertex_blocks(self) -> Iterator[NDArray[Any]]:
-        if self._vertices is not None:
-            return iter(self._vertices)
-        return self._parsed_vertices(Lines(of_faces=False))
 
     def face_blocks(self) -> Iterator[Faces]:
-        lines = Lines(of_faces=True)
+        lines = Lines(of_faces=True, fewest=self._fewest)
         plain = material = self._sink.material(Material())
-        for chunk in self._chunks():
+        for chunk in self._source.text(lines=True):
             _, corners, counts, statements = lines.parse(chunk)
-            self._check(lines)
+            refuse_fault(lines, self.name)
             materials = np.empty(len(counts), np.uint32)
             done = 0
             for before, kind, text in statements:
@@ -107,14 +170,10 @@ class ObjMesh:
                     material = self._material(text, plain)
             materials[done:] = material
             yield Faces(corners, counts, None, materials)
-        if lines.unknown and not self._warned:  # faces may be read twice
-            self._warned = True
-            log.warning(
-                "%s: %d lines of unknown statements were passed over", self.name, lines.unknown
-            )
 
     def _material(self, name: bytes, plain: int) -> int:
-        if name not in self._materials and name not in self._unknown:
+        """The index of a material; without a name, or unknown, it is plain."""
+        if name and name not in self._materials and name not in self._unknown:
             self._unknown.add(name)
             log.warning(
                 "%s: material %s is in no library that was found, and is plain",
@@ -127,9 +186,11 @@ class ObjMesh:
         """Read one library, whose name may have blanks, or several that blanks part."""
         folder = Path(self.name).parent
         whole = text.decode("utf-8", "surrogateescape")
-        names = [whole] if is_file(folder / whole) else whole.split()
+        bare = unescaped(whole)
+        names = [name for name in (whole, bare) if is_file(folder / name)][:1]
+        names = names or [unescaped(name) for name in PARTING.split(whole) if name]
         missing = [name for name in names if not is_file(folder / name)]
-        for name in [whole] if len(missing) == len(names) > 0 else missing:
+        for name in [bare] if len(missing) == len(names) > 0 else missing:
             if name not in self._missing:
                 self._missing.add(name)
                 told = shown(name.encode("utf-8", "surrogateescape"))
@@ -143,6 +204,11 @@ class ObjMesh:
         return iter(())  # colors are all there is, and need no range
 
 
+def unescaped(name: str) -> str:
+    """A name without the backslashes that are before its blanks."""
+    return name.replace("\\ ", " ")
+
+
 def is_file(path: Path) -> bool:
     """Whether there is a file; a name that cannot be one has none."""
     try:
@@ -152,20 +218,28 @@ def is_file(path: Path) -> bool:
 
 
 def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
-    """Read an OBJ file.
+    """Read an OBJ file: faces, or where it has none its vertices as spheres.
 
     Raises
     ------
     SceneError
-        If a line is not what it should be, or a face names a vertex that is not there.
+        If it is no OBJ, a line is not what it should be, or a face names a vertex that is not
+        there.
     SettingError
         If a setting has no meaning here.
     StreamError
         If the system refuses to read it.
     """
     with Source(path, report) as source:
-        if reading.color_by not in (None, RGB):
+        if reading.color_by not in (None, RGB) and reading.uses.files == 1:
             raise SettingError(f"{path}: found color_by={reading.color_by!r}, expected {RGB}")
         outlet = Outlet(sink, path, reading)
-        write_mesh(ObjMesh(source, sink, reading), outlet)
+        vertices = ObjVertices(source, reading)
+        if vertices.count and not vertices.has_faces:
+            reading.refuse_all_but(path, *POINTS)
+            if isinstance(reading.radius, str):
+                raise SettingError(f"{path}: found radius={reading.radius!r}, expected a number")
+            write_points(ObjPoints(vertices), outlet)
+        else:
+            write_mesh(ObjMesh(vertices, source, sink, reading), outlet)
         outlet.report()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError
 from bfrt.formats.colors import Painter
 from bfrt.formats.reading import Reading
+from bfrt.formats.triangulation import Triangulation
 from bfrt.records import Kind
 from bfrt.store.model import Camera, Light, Material, Vector
 
@@ -61,7 +62,7 @@ class SceneSink(Protocol):
         materials: NDArray[np.uint32],
         /,
     ) -> object:
-        """Take polygons of three and more vertices.
+        """Take polygons of four and more vertices.
 
         Parameters
         ----------
@@ -96,6 +97,7 @@ class Outlet:
         self.reading = reading
         self.dropped = 0
         self._objects = 0
+        self._triangulation = Triangulation(name, reading)
         self._plain: int | None = None
         self._painter: Painter | None = None
 
@@ -137,28 +139,45 @@ class Outlet:
     def faces(
         self,
         corners: NDArray[Any],
-        counts: NDArray[Any],
+        counts: NDArray[np.uint32],
         values: NDArray[Any] | None = None,
         own: NDArray[np.uint32] | None = None,
     ) -> None:
-        """Add faces: the corners of all (m, 3), how many each has (n,), and the materials (n,) of
-        those that are not painted."""
+        """Add faces, as triangles or as polygons: the corners of all (m, 3), how many each has
+        (n,), and the materials (n,) of those that are not painted."""
         materials = self._painted(values, len(counts), own)
+        first = self._objects + self.dropped
+        numbers = np.arange(first, first + len(counts))
         if not all_finite(corners) or counts.min(initial=3) < 3:
             good = all_of_each(finite(corners), counts) & (counts >= 3)
             good = self._accept(good, "face", corners, counts)
             corners = corners[np.repeat(good, counts)]
-            counts, materials = counts[good], materials[good]
+            counts, materials, numbers = counts[good], materials[good], numbers[good]
         self._objects += len(counts)
         if not len(counts):
             return
-        if self.reading.triangulate and counts.max() > 3:
-            corners, materials = fans(corners, counts, materials)
-            counts = np.full(len(materials), 3)
+        corners = np.ascontiguousarray(corners)
         if counts.max() == 3:
             self.sink.append(Kind.TRIANGLE, corners.reshape(-1, 9), materials)
         else:
-            self.sink.append_polygons(corners, counts.astype(np.int64), materials)
+            self._cut(corners, counts, materials, numbers)
+
+    def _cut(
+        self,
+        corners: NDArray[Any],
+        counts: NDArray[np.uint32],
+        materials: NDArray[np.uint32],
+        numbers: NDArray[np.int64],
+    ) -> None:
+        """Add those faces as triangles that are to be, and the others as polygons."""
+        wanted = self._triangulation.wanted(corners, counts)
+        if wanted.any():
+            part, sizes = faces_of(corners, counts, wanted)
+            triangles = self._triangulation.triangles(part, sizes, numbers[wanted])
+            self.sink.append(Kind.TRIANGLE, triangles, np.repeat(materials[wanted], sizes - 2))
+        if not wanted.all():
+            part, sizes = faces_of(corners, counts, ~wanted)
+            self.sink.append_polygons(part, sizes.astype(np.int64), materials[~wanted])
 
     def _painted(
         self, values: NDArray[Any] | None, n: int, own: NDArray[np.uint32] | None = None
@@ -204,9 +223,10 @@ class Outlet:
         return good
 
     def report(self) -> None:
-        """Say how many were dropped."""
+        """Say how many were dropped, and what became of faces."""
         if self.dropped:
             log.warning("%s: %d objects that are not finite were dropped", self.name, self.dropped)
+        self._triangulation.report()
 
 
 def cast(numbers: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -234,16 +254,13 @@ def all_of_each(good: NDArray[np.bool_], counts: NDArray[Any]) -> NDArray[np.boo
     return none
 
 
-def fans(
-    corners: NDArray[Any], counts: NDArray[Any], materials: NDArray[np.uint32]
+def faces_of(
+    corners: NDArray[Any], counts: NDArray[np.uint32], some: NDArray[np.bool_]
 ) -> tuple[NDArray[Any], NDArray[np.uint32]]:
-    """Faces as triangles around each one's first corner, and their materials."""
-    each = counts.astype(np.int64) - 2
-    starts = np.repeat(np.cumsum(counts, dtype=np.int64) - counts, each)
-    place = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
-    second = starts + 1 + place
-    picked = np.stack([starts, second, second + 1], axis=1)
-    return corners[picked.reshape(-1)], np.repeat(materials, each)
+    """The corners and the counts of some faces."""
+    if some.all():
+        return corners, counts
+    return corners[np.repeat(some, counts)], counts[some]
 
 
 def told(row: NDArray[Any]) -> str:

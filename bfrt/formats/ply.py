@@ -12,8 +12,9 @@ element begins is known once those before it were read, or have rows of one size
 
 from __future__ import annotations
 
+import logging
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,16 +25,20 @@ from bfrt.formats._ply import MOST_CORNERS, MOST_PROPERTIES, Fault, Rows
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.outlet import Outlet, SceneSink, cast
 from bfrt.formats.points import PointBlock, write_points
-from bfrt.formats.reading import COLORS, POINTS, Reading
+from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
 from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown
 
-#: Types of values by both of their names, in the order of _ply's.
+log = logging.getLogger(__name__)
+
+#: Types of values by both of their names, in the order of _ply's. Integers of 64 bits are no
+#: standard, but there are writers of them.
 TYPES = {
     "char": 0, "uchar": 1, "short": 2, "ushort": 3, "int": 4, "uint": 5, "float": 6, "double": 7,
     "int8": 0, "uint8": 1, "int16": 2, "uint16": 3, "int32": 4, "uint32": 5, "float32": 6,
-    "float64": 7,
+    "float64": 7, "int64": 8, "uint64": 9,
 }  # fmt: skip
-CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
+CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8")
+WHOLE = (0, 1, 2, 3, 4, 5, 8, 9)
 LAYOUTS = {"ascii": "text", "binary_little_endian": "little", "binary_big_endian": "big"}
 
 #: Types that a float32 holds exactly.
@@ -45,9 +50,15 @@ FULL = {1: 255.0, 3: 65535.0}
 CORNERS = ("vertex_indices", "vertex_index")
 POSITION = ("x", "y", "z")
 
-#: Bytes of a header, and rows of one size that are read at once.
+#: Names that a file's own colors go by; of several the first counts.
+COLOR_NAMES = (COLORS, ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
+
+#: Bytes of a header.
 HEADER_BYTES = 1 << 20
+
+#: Rows of one size that are read at once, and their bytes unless one row has more.
 BLOCK = 1 << 16
+BLOCK_BYTES = 32 << 20
 
 
 class Property(NamedTuple):
@@ -133,9 +144,10 @@ class Ply:
             self._check_size(element, start, start + max(least - 1, 0))  # no blank at the end
 
     def _check_size(self, element: Element, start: int, end: int) -> None:
-        if end > self.source.size:
+        size = self.source.most_text if self.layout == "text" else self.source.size
+        if end > size:
             raise SceneError(
-                f"{self.name}: byte {start}: found {max(self.source.size - start, 0)} bytes, "
+                f"{self.name}: byte {start}: found {max(size - start, 0)} bytes, "
                 f"expected {end - start} or more for {element.rows} rows of {element.name}: "
                 "the file is truncated or its count is wrong"
             )
@@ -150,17 +162,30 @@ class Ply:
             return
         start = self._place(number).offset
         self._place(number + 1)  # all of it is there
-        order = "<" if self.layout == "little" else ">"
-        fields = [f"{order}{CODES[p.kind]}" for p in element.properties]
-        there = [p.name for p in element.properties]
-        places = [there.index(name) for name in names]
-        rows = np.dtype([(f"f{i}", field) for i, field in enumerate(fields)])
+        rows = self._row_dtype(element, names)
+        most = max(1, min(BLOCK, BLOCK_BYTES // rows.itemsize))
         self.source.seek(start)
-        for block in self.source.blocks(rows, element.rows, BLOCK):
+        for block in self.source.blocks(rows, element.rows, most):
             out = np.empty((len(block), len(names)), dtype)
-            for column, place in enumerate(places):
-                out[:, column] = block[f"f{place}"]
+            for column, name in enumerate(names):
+                out[:, column] = block[name]
             yield out
+
+    def _row_dtype(self, element: Element, names: Sequence[str]) -> np.dtype[Any]:
+        """The rows of an element without lists, of which some columns are wanted."""
+        order = "<" if self.layout == "little" else ">"
+        codes = [CODES[p.kind] for p in element.properties]
+        ends = np.cumsum([int(code[1]) for code in codes]).tolist()
+        place = {p.name: number for number, p in enumerate(element.properties)}
+        wanted = [place[name] for name in dict.fromkeys(names)]
+        return np.dtype(
+            {
+                "names": [element.properties[number].name for number in wanted],
+                "formats": [order + codes[number] for number in wanted],
+                "offsets": [ends[number] - int(codes[number][1]) for number in wanted],
+                "itemsize": ends[-1],
+            }
+        )
 
     def faces(
         self, element: Element, names: Sequence[str]
@@ -188,9 +213,7 @@ class Ply:
             place.line,
         )
         at = place.offset
-        self.source.seek(at)
-        chunks = self.source.text() if self.layout == "text" else self._binary()
-        for chunk in chunks:
+        for chunk in self.source.text(at) if self.layout == "text" else self._binary(at):
             corners, counts, values, used = rows.parse(chunk)
             if rows.fault:
                 raise self._fault(element, rows, at)
@@ -208,8 +231,9 @@ class Ply:
         if len(self._places) == number + 1:
             self._places.append(Place(at, rows.line))
 
-    def _binary(self) -> Iterator[NDArray[np.uint8]]:
-        """Chunks of bytes; what was not used of one begins the next."""
+    def _binary(self, at: int) -> Iterator[NDArray[np.uint8]]:
+        """Chunks of bytes from a place on; what was not used of one begins the next."""
+        self.source.seek(at)
         buffer = np.empty(8 + CHUNK_BYTES, np.uint8)
         left = 0
         while got := self.source.read_into(buffer.data[left : left + CHUNK_BYTES]):
@@ -220,16 +244,16 @@ class Ply:
             buffer[:left] = buffer[end - left : end].copy()
 
     def check_end(self) -> None:
-        """Refuse a file that goes on behind its last element."""
+        """Warn of what is behind the last element."""
         end = self._place(len(self.elements))
-        self.source.seek(end.offset)
         left = self.source.size - end.offset
         if self.layout == "text":
-            left = len(self.source.read(min(left, CHUNK_BYTES)).strip())
+            left = self.source.text_left(end.offset)
         if left:
-            raise SceneError(
-                f"{self.name}: byte {end.offset}: found {left} bytes behind the last element, "
-                "expected the end of the file: its counts are wrong"
+            log.warning(
+                "%s: %d bytes behind the last element were passed over: its counts may be wrong",
+                self.name,
+                left,
             )
 
     def _fault(self, element: Element, rows: Rows, at: int) -> SceneError:
@@ -252,13 +276,14 @@ class Ply:
 
 
 def read_header(source: Source) -> tuple[str, list[Element], Place]:
-    """The layout, the elements, and where the first begins."""
-    text = source.read(HEADER_BYTES)
+    """The layout, the elements, and where the first begins: in the text, of bytes in the file."""
+    text = source.head(HEADER_BYTES)
+    end_of_line = line_end(text)
     layout = ""
-    elements: list[Element] = []
+    elements: dict[str, Begun] = {}
     at, number = 0, 0
     while True:
-        end = text.find(b"\n", at)
+        end = text.find(end_of_line, at)
         number += 1
         line = text[at : end if end >= 0 else len(text)]
         words = line.decode("ascii", "backslashreplace").split()
@@ -273,32 +298,51 @@ def read_header(source: Source) -> tuple[str, list[Element], Place]:
         if not words or words[0] in ("comment", "obj_info") or number == 1:
             continue
         if words[0] == "format":
-            if len(words) != 3 or words[1] not in LAYOUTS or words[2] != "1.0" or layout:
-                raise SceneError(f"{where} one format, {' or '.join(LAYOUTS)}, and 1.0")
-            layout = LAYOUTS[words[1]]
+            layout = _layout(words, layout, source, where)
         elif words[0] == "element":
-            elements.append(_element(words, elements, where))
+            begun = elements.setdefault(*_element(words, elements, where))
         elif words[0] == "property" and elements:
-            element = elements[-1]
-            kept = (*element.properties, _property(words, element, where))
-            elements[-1] = element._replace(properties=kept)
+            begun.properties[words[-1]] = _property(words, begun, where)
         else:
             raise SceneError(f"{where} format, element, property, comment or end_header")
     if not layout:
         raise SceneError(f"{source.name}: found a header without format, expected one")
-    return layout, elements, Place(at, number + 1)
+    done = [Element(name, e.rows, tuple(e.properties.values())) for name, e in elements.items()]
+    return layout, done, Place(at if layout == "text" else len(source.mark) + at, number + 1)
 
 
-def _element(words: list[str], before: list[Element], where: str) -> Element:
+def line_end(text: bytes) -> bytes:
+    """What ends the lines of a header, as it ends the first: CR alone, or LF behind one or not."""
+    carriage, feed = text.find(b"\r"), text.find(b"\n")
+    return b"\r" if carriage >= 0 and (feed < 0 or carriage + 1 < feed) else b"\n"
+
+
+def _layout(words: list[str], before: str, source: Source, where: str) -> str:
+    if len(words) != 3 or words[1] not in LAYOUTS or words[2] != "1.0" or before:
+        raise SceneError(f"{where} one format, {' or '.join(LAYOUTS)}, and 1.0")
+    layout = LAYOUTS[words[1]]
+    if layout != "text" and not source.is_utf8:
+        raise SceneError(f"{where} format ascii, as the file is UTF-16")
+    return layout
+
+
+class Begun(NamedTuple):
+    """An element whose properties, by their names, may go on."""
+
+    rows: int
+    properties: dict[str, Property]
+
+
+def _element(words: list[str], before: Container[str], where: str) -> tuple[str, Begun]:
     fits = len(words) == 3 and words[2].isascii() and words[2].isdigit() and len(words[2]) < 20
     if not fits or int(words[2]) >= 1 << 48:
         raise SceneError(f"{where} element, a name, and a count of 0 to 2^48")
-    if any(words[1] == other.name for other in before):
+    if words[1] in before:
         raise SceneError(f"{where} each element once")
-    return Element(words[1], int(words[2]), ())
+    return words[1], Begun(int(words[2]), {})
 
 
-def _property(words: list[str], element: Element, where: str) -> Property:
+def _property(words: list[str], element: Begun, where: str) -> Property:
     listed = len(words) == 5 and words[1] == "list"
     if not listed and len(words) != 3:
         raise SceneError(f"{where} property, a type and a name, or list and two types and a name")
@@ -306,9 +350,9 @@ def _property(words: list[str], element: Element, where: str) -> Property:
     for kind in kinds:
         if kind not in TYPES:
             raise SceneError(f"{where} types of {' '.join(TYPES)}")
-    if listed and TYPES[kinds[0]] >= 6:
+    if listed and TYPES[kinds[0]] not in WHOLE:
         raise SceneError(f"{where} a list with a count of whole numbers")
-    if any(words[-1] == other.name for other in element.properties):
+    if words[-1] in element.properties:
         raise SceneError(f"{where} each property of an element once")
     if len(element.properties) == MOST_PROPERTIES:
         raise SceneError(f"{where} at most {MOST_PROPERTIES} properties of an element")
@@ -324,14 +368,14 @@ class PlyMesh:
         self.vertices = vertex.rows
         self._vertex = vertex
         self._faces = faces
-        asked = reading.columns
+        asked = painting(vertex, reading)
         self.painted = bool(asked)
         of_vertices = all(vertex.find(name) for name in asked)
         self._of_vertex = asked if of_vertices else ()
-        self._of_face = () if of_vertices else asked
+        self._of_face = () if of_vertices else painting(faces[0], reading)
         for element in faces if self._of_face else ():
-            if element.name == "tristrips" or not all(element.find(n) for n in asked):
-                raise missing(ply, asked, "vertex or face")
+            if element.name == "tristrips" or not all(element.find(n) for n in self._of_face):
+                raise missing(ply, reading.columns, "vertex or face")
         self.columns = 3 + len(self._of_vertex)
         self.coordinates = dtype_of(vertex, POSITION)
         self.row = dtype_of(vertex, (*POSITION, *self._of_vertex))
@@ -361,7 +405,7 @@ class PlyPoints:
         self.ply = ply
         self.name = ply.name
         self._vertex = vertex
-        self._asked = reading.columns
+        self._asked = painting(vertex, reading)
         self.painted = bool(self._asked)
         radius = reading.radius
         if radius is None and vertex.find("radius"):
@@ -384,6 +428,14 @@ class PlyPoints:
 
     def numbers(self) -> Iterator[NDArray[Any]]:
         return (block[:, 0] for block in self.ply.columns(self._vertex, self._asked))
+
+
+def painting(element: Element, reading: Reading) -> tuple[str, ...]:
+    """The columns that colors are made of, by the names that they have in an element."""
+    for names in COLOR_NAMES if reading.color_by == RGB else ():
+        if all(element.find(name) for name in names):
+            return names
+    return reading.columns
 
 
 def missing(ply: Ply, names: Sequence[str], where: str) -> SettingError:
@@ -429,11 +481,9 @@ def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None
             raise SceneError(f"{path}: found no vertex with x, y and z, expected it")
         faces = [e for e in ply.elements if e.name in ("face", "tristrips") and e.rows]
         for element in faces:
-            corners = element.corners()
-            if corners is None or corners.kind >= 6:
+            if element.corners() is None:
                 raise SceneError(
-                    f"{path}: found {element.name} without a list vertex_indices of whole "
-                    "numbers, expected it"
+                    f"{path}: found {element.name} without a list vertex_indices, expected it"
                 )
         outlet = Outlet(sink, path, reading)
         if faces:

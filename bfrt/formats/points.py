@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.formats.outlet import Outlet
+from bfrt.formats.outlet import Outlet, finite
 
 #: Points that are read at once.
 BLOCK = 1 << 16
@@ -71,7 +72,27 @@ def write_points(points: Points, outlet: Outlet) -> None:
         if radii is None:
             if radius is None:
                 raise SettingError(
-                    f"{points.name}: found points without a radius, expected radius="
+                    f"{points.name}: found points without a radius, expected radius= (--radius on "
+                    f"the command line){fitting(points)}"
                 )
             radii = np.full(len(centers), float(radius))
         outlet.spheres(centers, radii, values)
+
+
+def fitting(points: Points) -> str:
+    """A radius that would fit points, in words; none where all are in one place.
+
+    Half their mean spacing: the largest of length / n, (area / n)^(1/2) and (volume / n)^(1/3) of
+    their bounds, whose longest sides make the length and the area, so that it is that of a line, a
+    surface or a volume, whichever the bounds are.
+    """
+    lo, hi, count = np.full(3, np.inf), np.full(3, -np.inf), 0
+    for centers, _, _ in points.blocks():
+        good = centers[finite(centers)].astype(np.float64, copy=False)
+        if len(good):
+            lo, hi = np.minimum(lo, good.min(axis=0)), np.maximum(hi, good.max(axis=0))
+            count += len(good)
+    sides = np.sort(hi - lo)[::-1] if count else np.zeros(3)
+    logs = np.cumsum(np.log(sides[sides > 0]))
+    spacing = max((math.exp((s - math.log(count)) / k) for k, s in enumerate(logs, 1)), default=0.0)
+    return f": {spacing / 2:.2g} is half their mean spacing" if spacing else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from numbers import Real
 from pathlib import Path
 
@@ -18,6 +18,38 @@ COLORS = ("red", "green", "blue")
 #: Settings that whatever may be painted knows, and those of points.
 PAINTED = ("color_by", "colormap", "color_range", "skip_invalid")
 POINTS = ("radius", *PAINTED)
+
+
+#: Settings that every file has use for.
+ALWAYS = ("room", "scratch", "uses")
+
+#: Files of a call that an error names.
+NAMED = 3
+
+
+@dataclass
+class Uses:
+    """What the files of one call have use for, as far as they were asked.
+
+    Parameters
+    ----------
+    files : int
+        How many they are.
+    """
+
+    files: int = 1
+    names: list[str] = field(default_factory=list)
+    known: set[str] = field(default_factory=set)
+
+    def add(self, name: str, known: tuple[str, ...]) -> bool:
+        """Add a file and the settings it has use for; returns whether it was the last."""
+        self.names.append(name)
+        self.known.update(known)
+        return len(self.names) >= self.files
+
+    def __str__(self) -> str:
+        more = len(self.names) - NAMED
+        return ", ".join(self.names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 @dataclass(frozen=True)
@@ -39,17 +71,21 @@ class Reading:
         greatest, which costs a pass over it.
     skip_invalid : bool
         Drop and count objects that are not finite, instead of refusing them.
-    triangulate : bool
-        Store faces of four and more corners as fans of triangles, not as polygons.
-    memory : int
-        Bytes that the whole process may take; a mesh that has more vertices is joined on disk.
+    triangulate, polygons : bool
+        Store all faces of four and more corners as triangles, or as polygons; by default those that
+        are flat are polygons.
+    room : int
+        Bytes that a mesh's vertices may take; those of one that has more are joined on disk.
     scratch : Path
         Folder for what does not fit.
+    uses : Uses
+        What the other files of a call have use for.
 
     Raises
     ------
     SettingError
-        For a radius or a range that is not finite, and a range whose ends are not in order.
+        For a radius or a range that is not finite, a range whose ends are not in order, and
+        settings that exclude each other.
     """
 
     radius: float | str | None = None
@@ -59,12 +95,16 @@ class Reading:
     color_range: tuple[float, float] | None = None
     skip_invalid: bool = False
     triangulate: bool = False
-    memory: int = 1 << 28
+    polygons: bool = False
+    room: int = 1 << 27
     scratch: Path = Path()
+    uses: Uses = field(default_factory=Uses, compare=False)
 
     def __post_init__(self) -> None:
         if isinstance(self.radius, Real) and not math.isfinite(self.radius):
             raise SettingError(f"radius: found {self.radius}, expected a finite number")
+        if self.triangulate and self.polygons:
+            raise SettingError("triangulate, polygons: found both, expected one of them or none")
         if self.color_range is None:
             return
         try:
@@ -85,20 +125,25 @@ class Reading:
         return COLORS if self.color_by == RGB else (self.color_by,)
 
     def refuse_all_but(self, name: str, *known: str) -> None:
-        """Refuse the settings that a format has no use for.
+        """Refuse the settings that a file has no use for, unless another of the call has.
+
+        Each file says once what it knows; at the last one it is clear what none knows.
 
         Raises
         ------
         SettingError
-            For the first that was given and is not among `known`.
+            For the first setting that was given and is not known, or needs another.
         """
-        for field in fields(self):
-            asked = getattr(self, field.name)
-            free = field.name in ("memory", "scratch", *known)
+        if not self.uses.add(name, known):
+            return
+        for each in fields(self):
+            asked = getattr(self, each.name)
+            free = each.name in ALWAYS or each.name in self.uses.known
             if not free and asked is not None and asked is not False:
+                kind = f"{Path(name).suffix or name} files" if self.uses.files == 1 else "files"
                 raise SettingError(
-                    f"{name}: found {field.name}={asked!r}, expected none for "
-                    f"{Path(name).suffix or name} files of this content"
+                    f"{self.uses}: found {each.name}={asked!r}, expected none for {kind} of this "
+                    "content"
                 )
         if self.color_by is None and (self.colormap is not None or self.color_range is not None):
             raise SettingError(

@@ -6,6 +6,7 @@ import errno
 import io
 import os
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from types import TracebackType
 from typing import Any
 
@@ -13,10 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import BfrtError, SceneError, ShortReadError, StreamError
+from bfrt.formats.encoding import MARK_BYTES, MARKS, Decoder, mark_of
 from bfrt.streams.aside import refused
 
 #: Bytes of text that are parsed at once.
 CHUNK_BYTES = 1 << 20
+
+#: What may be behind the end of a text.
+PADDING = b" \t\n\v\f\r\0"
 
 #: Bytes of a token that are shown.
 SHOWN_BYTES = 40
@@ -122,8 +127,55 @@ class Source:
             yield self.exactly(n * dtype.itemsize).view(dtype)
             count -= n
 
-    def text(self, *, lines: bool = False) -> Iterator[Bytes]:
-        """The rest in chunks of whole tokens, or of whole lines, for `bfrt.formats.text`.
+    @cached_property
+    def mark(self) -> bytes:
+        """The byte order mark that the text begins with, empty where it has none."""
+        self.seek(0)
+        return mark_of(self.read(MARK_BYTES))
+
+    @property
+    def is_utf8(self) -> bool:
+        """Whether bytes of the text are those of the file, behind its mark."""
+        return MARKS.get(self.mark, "utf-8") == "utf-8"
+
+    @property
+    def most_text(self) -> int:
+        """Bytes that the text has at the most: two of UTF-16 may take three of UTF-8."""
+        return self.size - len(self.mark) if self.is_utf8 else self.size // 2 * 3
+
+    def head(self, size: int) -> bytes:
+        """The first bytes of the text, fewer only where it ends."""
+        buffer = bytearray(min(size, self.most_text))
+        got = self._text_from(0)(memoryview(buffer))
+        return bytes(memoryview(buffer)[:got])
+
+    def _text_from(self, at: int) -> Callable[[memoryview], int]:
+        """What reads the text on from one of its bytes, as `read_into` does."""
+        if not self.is_utf8:
+            return _Transcoded(self, at).read_into
+        self.seek(len(self.mark) + at)
+        return self.read_into
+
+    def text_left(self, at: int) -> int:
+        """Bytes of the text from one of them on, without what only pads it: blanks and NULs."""
+        read_into = self._text_from(at)
+        buffer = memoryview(bytearray(CHUNK_BYTES))
+        left = 0
+        while got := read_into(buffer):
+            left += len(bytes(buffer[:got]).strip(PADDING))
+        return left
+
+    def text(self, at: int = 0, *, lines: bool = False) -> Iterator[Bytes]:
+        """The text in chunks of whole tokens, or of whole lines, for `bfrt.formats.text`.
+
+        It is UTF-8 without its mark, and all places in it are of that.
+
+        Parameters
+        ----------
+        at : int
+            The byte to begin at.
+        lines : bool
+            Whether chunks end where lines do.
 
         Yields
         ------
@@ -135,6 +187,7 @@ class Source:
         SceneError
             If there is a line of more than `CHUNK_BYTES`.
         """
+        read_into = self._text_from(at)
         buffer = np.zeros(2 * CHUNK_BYTES + 2, np.uint8)
         before = ord(" ")
         left = b""
@@ -142,7 +195,7 @@ class Source:
             start = 1 + len(left)
             buffer[0] = before
             buffer[1:start] = np.frombuffer(left, np.uint8)
-            got = self.read_into(buffer.data[start : start + CHUNK_BYTES])
+            got = read_into(buffer.data[start : start + CHUNK_BYTES])
             end = start + got
             whole = end if not got else self._cut(buffer.data[:end], lines)
             left = buffer[whole:end].tobytes()
@@ -191,6 +244,31 @@ class Source:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+class _Transcoded:
+    """UTF-16 of a source as UTF-8, forwards from one of its bytes."""
+
+    def __init__(self, source: Source, at: int) -> None:
+        source.seek(0)
+        self._source = source
+        self._decoder = Decoder(source.name)
+        self._ahead = b""
+        buffer = memoryview(bytearray(min(at, CHUNK_BYTES)))
+        while at and (passed := self.read_into(buffer[:at])):
+            at -= passed
+
+    def read_into(self, buffer: memoryview) -> int:
+        """Fill a buffer as far as the text goes; returns the bytes."""
+        while len(self._ahead) < len(buffer):
+            piece = self._source.read(CHUNK_BYTES)
+            self._ahead += self._decoder.decode(piece, final=not piece)
+            if not piece:
+                break
+        got = min(len(buffer), len(self._ahead))
+        buffer[:got] = self._ahead[:got]
+        self._ahead = self._ahead[got:]
+        return got
 
 
 def said(error: BaseException) -> str:

@@ -5,6 +5,7 @@ Normals and attribute bytes are passed over: bfrt works normals out of the verti
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,26 +16,31 @@ from bfrt.errors import SceneError
 from bfrt.formats._stl import Facets
 from bfrt.formats.outlet import Outlet, SceneSink
 from bfrt.formats.reading import Reading
-from bfrt.formats.source import Report, Source, shown
+from bfrt.formats.source import PADDING, Report, Source, shown
+
+log = logging.getLogger(__name__)
 
 FACET = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", 9), ("attribute", "<u2")])
 HEADER = 80
 COUNT_END = HEADER + 4
 
-#: Bytes of a file that are looked at: text has no NUL among them.
+#: Bytes of a file that are looked at to tell text.
 LOOK = 512
+
+#: What text may have behind the line of its name.
+SECOND = (b"facet", b"endsolid", b"end ", b"color", b"solid")
 
 #: Facets that are read at once.
 BLOCK = 1 << 16
 
 
 def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
-    """Read an STL file: of bytes where its size is that of its count, else of text.
+    """Read an STL file, of text where it looks like it and has not just its count's size.
 
     Raises
     ------
     SceneError
-        If it is neither.
+        If it is neither, or has fewer facets than its count.
     SettingError
         If a setting has no meaning here.
     StreamError
@@ -50,32 +56,67 @@ def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None
 
 def facets_of(source: Source) -> Iterator[NDArray[Any]]:
     """The vertices of all facets, (n, 9) at a time."""
-    head = source.read(LOOK)
-    count = int.from_bytes(head[HEADER:COUNT_END], "little") if len(head) >= COUNT_END else -1
-    if count >= 0 and source.size == COUNT_END + count * FACET.itemsize:
-        source.seek(COUNT_END)
-        for block in source.blocks(FACET, count, BLOCK):
-            yield np.ascontiguousarray(block["vertices"])
+    source.seek(HEADER)
+    count = int.from_bytes(source.read(COUNT_END - HEADER), "little")
+    behind = source.size - COUNT_END - count * FACET.itemsize
+    if behind and is_text(source.head(LOOK)):
+        yield from text_facets(source)
         return
-    if head.lstrip()[:5].lower() != b"solid" or b"\0" in head:
+    check_count(source, count, behind)
+    source.seek(COUNT_END)
+    for block in source.blocks(FACET, count, BLOCK):
+        yield np.ascontiguousarray(block["vertices"])
+
+
+def is_text(head: bytes) -> bool:
+    """Whether a file begins as text does: with solid, and behind NULs, if any, with its words.
+
+    Files of bytes may begin with solid too, but have the NULs of their count.
+    """
+    text = head.lower().lstrip()
+    _, _, rest = text.replace(b"\r", b"\n").partition(b"\n")
+    return text.startswith(b"solid") and (
+        b"\0" not in text or rest.lstrip(PADDING).startswith(SECOND)
+    )
+
+
+def check_count(source: Source, count: int, behind: int) -> None:
+    """Refuse a file of bytes that has fewer facets than its count, or some where that is none.
+
+    What is behind them is passed over: a stray line's end, or what a program keeps for itself.
+    """
+    if source.size < COUNT_END:
         raise SceneError(
-            f"{source.name}: byte {HEADER}: "
-            + (
-                f"found {source.size} bytes and a count of {count} facets, expected "
-                f"{COUNT_END + count * FACET.itemsize} bytes: the file is truncated or its "
-                "count is wrong"
-                if count >= 0
-                else f"found {source.size} bytes, expected an STL file of {COUNT_END} or more"
-            )
+            f"{source.name}: byte {HEADER}: found {source.size} bytes, expected an STL file of "
+            f"{COUNT_END} or more"
         )
-    yield from text_facets(source)
+    if behind < 0:
+        raise SceneError(
+            f"{source.name}: byte {HEADER}: found {source.size} bytes and a count of {count} "
+            f"facets, expected {source.size - behind} bytes: the file is truncated or its count "
+            "is wrong"
+        )
+    if count == 0 and behind >= FACET.itemsize:
+        raise SceneError(
+            f"{source.name}: byte {HEADER}: found a count of 0 facets and {behind} bytes behind "
+            f"it, expected a count of {behind // FACET.itemsize}: it was not written, or this is "
+            "no STL file"
+        )
+    if behind:
+        log.warning(
+            "%s: %d bytes behind the last facet were passed over: its count may be wrong",
+            source.name,
+            behind,
+        )
 
 
 def text_facets(source: Source) -> Iterator[NDArray[np.float64]]:
     """The vertices of facets of text."""
     facets = Facets()
-    source.seek(0)
     for chunk in source.text():
+        text = chunk[1:-1]
+        if not text.all():  # NULs that pad the name, or the file
+            text[text == 0] = ord(" ")
         yield facets.parse(chunk)
         if facets.failed:
             raise SceneError(

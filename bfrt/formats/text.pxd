@@ -2,10 +2,11 @@
 
 A text is a buffer with one byte before what is read and a NUL behind it. The NUL ends every inner
 loop: only what stops at a NUL compares with ``end``. Tokens have at most ``TOKEN_BYTES``; blanks
-part them; ``#`` begins a comment that the line ends.
+part them. In formats that have comments a ``#`` where a token may begin is one's, which the line
+ends; ``1.#IND`` is one token.
 """
 
-from libc.math cimport INFINITY, NAN, isinf
+from libc.math cimport isinf
 from libc.stdint cimport int64_t, uint64_t
 from libc.string cimport memcpy
 
@@ -56,12 +57,17 @@ cdef struct Text:
     Py_ssize_t length
     int64_t line
     bint ended  # no chunk follows
+    bint comments  # whether a # where a token may begin is a comment's
     bint comment  # the chunk ended inside a comment
 
 
 cdef class Tokens:
     cdef Text text
     cdef void take_chunk(self, const unsigned char[::1] chunk)
+
+
+# The way of few numbers is no part of the loops that call it.
+cdef int read_no_finite(Text *text, int status, double *out) noexcept nogil
 
 
 cdef inline bint is_blank(unsigned char byte) noexcept nogil:
@@ -78,7 +84,7 @@ cdef inline bint pass_blanks(Text *text) noexcept nogil:
             text.comment = False
             text.line += byte == RETURN or (at - 1)[0] != RETURN
         elif not text.comment:
-            if byte == HASH:
+            if byte == HASH and text.comments:
                 text.comment = True
             elif not is_blank(byte):
                 break
@@ -105,7 +111,7 @@ cdef inline int measure(Text *text) noexcept nogil:
     cdef Py_ssize_t length = 0
     cdef bint binary = False
     while length <= TOKEN_BYTES and at + length < text.end:
-        if is_blank(at[length]) or at[length] == HASH:
+        if is_blank(at[length]):
             break
         binary |= at[length] == NUL or at[length] > LAST_ASCII
         length += 1
@@ -196,7 +202,7 @@ cdef inline int read_number(Text *text, double *out) except -1 nogil:
         or mantissa > exact_mantissa()
         or not -22 <= exponent <= 22
         or at - text.at > TOKEN_BYTES
-        or not (is_blank(at[0]) or at[0] == HASH)
+        or not is_blank(at[0])
     ):
         return read_hard_number(text, at, out)
     x = <double>mantissa
@@ -231,31 +237,7 @@ cdef inline int read_integer(Text *text, int low, int high, double *out) noexcep
     return FOUND
 
 
-cdef inline bint spells(Text *text, Py_ssize_t skip, const char *word) noexcept nogil:
-    """Whether the token, without its first bytes, begins with a word, in any case."""
-    cdef Py_ssize_t i = 0
-    while word[i]:
-        if skip + i >= text.length or text.token[skip + i] | 32 != word[i]:
-            return False
-        i += 1
-    return True
-
-
 cdef inline int read_any_number(Text *text, double *out) except -1 nogil:
     """As `read_number`, and what C's printf makes of infinities and of what is no number."""
     cdef int status = read_number(text, out)
-    cdef Py_ssize_t sign
-    if status == NO_FINITE:
-        out[0] = -INFINITY if text.token[0] == MINUS else INFINITY
-    elif status == NO_NUMBER:
-        sign = text.token[0] == MINUS or text.token[0] == PLUS
-        if spells(text, sign, "nan"):
-            out[0] = NAN
-        elif spells(text, sign, "inf"):
-            out[0] = -INFINITY if text.token[0] == MINUS else INFINITY
-        else:
-            return status
-    else:
-        return status
-    consume(text)
-    return FOUND
+    return FOUND if status == FOUND else read_no_finite(text, status, out)

@@ -42,7 +42,7 @@ cdef struct Grid:
     int64_t stride[3]       # of a voxel's number, an axis
     const double* plane[3]  # n + 1 of them an axis, ascending
     double inverse[3]       # voxels per length
-    double grow             # d: 2^-30 of the diagonal of the scene's bounds
+    double grow             # d, by which boxes grow when rays meet them
     double slack[3]         # voxels by which arithmetic may differ from the table, and 2d
 
 cdef struct Range:

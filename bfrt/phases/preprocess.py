@@ -40,10 +40,14 @@ Bytes = NDArray[np.uint8]
 #: A box grows by this part of the diagonal of the scene's bounds when rays meet it.
 GROW = 2.0**-30
 
+#: And by no less than this part of the greatest coordinate, 2^7 units in its last place: what hits
+#: may be off by where a scene is more than 2^16 diagonals from the store's origin.
+ROUNDED = 2.0**-46
+
 
 def growth(store: Store) -> float:
     """DESIGN's d: the same for every grid and group of a scene."""
-    return GROW * store.bounds.diagonal
+    return max(GROW * store.bounds.diagonal, ROUNDED * store.bounds.reach)
 
 
 def lattice_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Lattice:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError, SettingError, StreamError
-from bfrt.formats.arrays import Array
 from bfrt.formats.npy import NpyArray
 from bfrt.formats.source import Source
+from bfrt.formats.table import Rows
 from bfrt.queries._rays import ask
 from bfrt.records import ASKED, HIT, RayKind
 from bfrt.store.store import Store
@@ -128,10 +128,10 @@ def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Bl
         yield from parts
 
 
-def _rows(name: str, given: Any) -> Array:
+def _rows(name: str, given: Any) -> Rows:
     """Rows (n, 3) of float32, float64 or whole numbers; a file's are read when they are needed."""
     file = isinstance(given, (str, os.PathLike))
-    array: Array = _stored(name, os.fspath(given)) if file else Held(name, given)
+    array: Rows = _stored(name, os.fspath(given)) if file else Held(name, given)
     floats = array.dtype.newbyteorder("=") in (np.float32, np.float64)
     numbers = floats or array.dtype.kind in "iu"
     if len(array.shape) != 2 or array.shape[1] != 3 or not numbers:

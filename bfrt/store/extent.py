@@ -12,13 +12,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.errors import SceneError
 from bfrt.store._bounds import gather
+from bfrt.store.model import Vector
 
 #: Boxes kept aside while a group is written.
 LARGEST = 64
 
 #: The shortest axis of a grid, as a part of its diagonal: a flat scene has a grid too.
 FLATTEST = 2.0**-10
+
+#: The shortest diagonal of a scene, as a part of how far it is from the origin: 16 units in the
+#: last place of float64, which is what a ray of world coordinates can tell apart.
+SMALLEST = 2.0**-48
 
 
 class Bounds(NamedTuple):
@@ -34,6 +40,11 @@ class Bounds(NamedTuple):
     @property
     def diagonal(self) -> float:
         return 0.0 if self.empty else float(np.sqrt(((self.hi - self.lo) ** 2).sum()))
+
+    @property
+    def reach(self) -> float:
+        """The greatest coordinate, whatever its sign."""
+        return 0.0 if self.empty else float(np.abs(self).max())
 
     @property
     def surface(self) -> float:
@@ -60,6 +71,31 @@ def bounds_of(boxes: NDArray[np.floating]) -> Bounds:
     return Bounds(
         boxes[:, :3].min(axis=0).astype(np.float64), boxes[:, 3:].max(axis=0).astype(np.float64)
     )
+
+
+def check_extent(bounds: Bounds, origin: Vector) -> None:
+    """Refuse a scene that is too small for where it is.
+
+    Parameters
+    ----------
+    bounds : Bounds
+        All objects', relative to `origin`.
+    origin : tuple of 3 float
+        The store's.
+
+    Raises
+    ------
+    SceneError
+        If float64 cannot tell the scene's parts apart; a scene of one point has none.
+    """
+    reach = max(bounds.reach, max(map(abs, origin)))
+    least = SMALLEST * reach
+    if 0.0 < bounds.diagonal < least:
+        x, y, z = ((bounds.lo + bounds.hi) / 2 + origin).tolist()
+        raise SceneError(
+            f"scene: found all objects within {bounds.diagonal:.3g} at {x:g} {y:g} {z:g}, expected "
+            f"{least:.3g} or more across so far from the origin, where coordinates are rounded"
+        )
 
 
 class Extent:

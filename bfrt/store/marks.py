@@ -46,7 +46,7 @@ from bfrt.streams.aside import aside, put, refused
 from bfrt.streams.reader import Reader, Tape
 
 MAGIC = b"bfrtmark"
-VERSION = 4
+VERSION = 5
 HEADER = struct.Struct("<8sI3IIIQII")
 CRC = struct.Struct("<I")
 

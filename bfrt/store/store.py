@@ -136,7 +136,23 @@ class Group:
 
 @dataclass(frozen=True)
 class Store:
-    """An open scene store: the header, not the data."""
+    """An open scene store: the header, not the data.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is.
+    origin : tuple of 3 float
+        What boxes and float32 coordinates are relative to, in world coordinates.
+    bounds : Bounds
+        The box around all objects, ``lo`` and ``hi`` (3,) float64, relative to the origin;
+        ``empty`` where there are none.
+    camera : Camera, optional
+        The view that is rendered where no other is asked for.
+    lights : list of Light
+    background : tuple of 3 float
+        The color that rays see that hit nothing.
+    """
 
     path: Path
     origin: tuple[float, float, float]
@@ -154,6 +170,11 @@ class Store:
     @property
     def streams(self) -> list[Stream]:
         return [stream for group in self.groups for stream in group.streams]
+
+    @property
+    def world_bounds(self) -> Bounds:
+        """The box around all objects in world coordinates: `bounds` with the origin added."""
+        return Bounds(self.bounds.lo + self.origin, self.bounds.hi + self.origin)
 
     @property
     def objects(self) -> int:

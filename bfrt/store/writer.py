@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.records import KIND_BITS, MATERIAL, SCALARS, STREAM_BITS, Kind
 from bfrt.store.columns import Prepared, prepare
-from bfrt.store.extent import Bounds
+from bfrt.store.extent import Bounds, check_extent
 from bfrt.store.given import array_of, column_of, floats_of, rows_of, triple_of
 from bfrt.store.group import GroupWriter
 from bfrt.store.header import header_text
@@ -83,7 +83,9 @@ class StoreWriter:
     Raises
     ------
     SceneError
-        For coordinates that are not finite, shapes that do not fit, materials that do not exist.
+        For coordinates that are not finite, shapes that do not fit, materials that do not exist,
+        and a scene that is so small, so far from the origin, that float64 cannot tell its parts
+        apart.
     DiskFullError, StreamError
         As the system refuses; nothing is left behind.
     SettingError
@@ -449,6 +451,7 @@ class StoreWriter:
         self._palette.close()
         self._put(MADE, {"hierarchy_seconds": sum(g.hierarchy_seconds for g in self._groups)})
         bounds = functools.reduce(Bounds.union, [group.bounds for group in self._groups])
+        check_extent(bounds, origin)
         return {
             "magic": MAGIC,
             "version": VERSION,

@@ -142,7 +142,7 @@ def test_hdf5(tmp_path):
             group.create_dataset("Coordinates", data=CENTERS + part, chunks=(3, 3))
             group.create_dataset("Masses", data=np.arange(10.0), compression="gzip")
         file["note"] = "text"
-    assert "PartType0/Coordinates, PartType1/Coordinates" in refused(path, radius=1)
+    assert "found PartType0/Coordinates (10, 3) float32, PartType1/" in refused(path, radius=1)
     found = convert(path, positions="PartType1/Coordinates", radius=1, color_by="Masses")
     assert (geometry(found, Kind.SPHERE)[:, :3] == CENTERS + 1).all()
     data = path.read_bytes()

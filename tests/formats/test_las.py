@@ -17,6 +17,7 @@ from meshes import convert, failure, objects_of, outcome, shapes_of
 from bfrt.errors import BfrtError, SceneError, SettingError, ShortReadError, StreamError
 from bfrt.formats import las as las_module
 from bfrt.formats import laz as laz_module
+from bfrt.formats.colors import linear
 from bfrt.formats.laz import asking
 from bfrt.formats.source import Source
 
@@ -209,6 +210,58 @@ def test_radii_that_are_not_finite(file, small_blocks):
     assert convert(file, radius="size", skip_invalid=True).objects == 19
 
 
+def test_colors_of_8_bits_in_fields_of_16(file, caplog, small_blocks):
+    """As many writers have them, against the standard."""
+    scan = write(file, 3)
+    for name in ("red", "green", "blue"):
+        scan[name] = np.arange(COUNT) * (255 // (COUNT - 1))
+    scan.write(file)
+    found = np.array([each.color for each in objects_of(convert(file, radius=1, color_by="rgb"))])
+    exact = linear(np.rint(np.asarray(scan.red) / 255 * 31) / 31)
+    assert np.abs(found[:, 0] - exact).max() < 1e-6
+    greatest = int(np.asarray(scan.red).max())
+    said = f"{file}: colors of 16 bits go to {greatest} only: taken as of 8 bits"
+    assert caplog.messages == [said]
+    scan.green[7] = 256
+    scan.write(file)
+    found = [each.color for each in objects_of(convert(file, radius=1, color_by="rgb"))]
+    assert max(map(max, found)) < 0.01
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", ["owner", "description", "data"])
+@pytest.mark.parametrize("record", [("Größe", 7), ("LASF_Projection", 2112)])
+def test_records_whose_text_is_not_unicode(file, place, record, caplog):
+    """Nobody here needs them."""
+    write(file, 3)
+    scan = laspy.read(file)
+    scan.header.vlrs.append(laspy.VLR("OWNER", record[1], "ABOUT", b"DATA"))
+    scan.write(file)
+    data = file.read_bytes()
+    owner = record[0].encode("latin1" if place == "owner" else "ascii", "replace")
+    changes = {b"OWNER": owner[:5] if record[1] == 7 else owner}
+    changes |= {b"ABOUT": b"\xe4BOUT"} if place == "description" else {}
+    changes |= {b"DATA": b"\xff\xfe\xe4\xf6"} if place == "data" else {}
+    for old, new in changes.items():
+        at = data.index(old)
+        data = data[:at] + new + data[at + len(new) :]
+    file.write_bytes(data)
+    assert shapes_of(convert(file, radius=1)) == spheres(places(scan), 1)
+    assert caplog.messages == []
+
+
+def test_extra_bytes_whose_name_is_not_unicode(file):
+    """They are found by what can be read of it."""
+    scan = write(file, 3, extra=[("size", "f4")])
+    data = file.read_bytes()
+    at = data.index(b"size")
+    file.write_bytes(data[:at] + b"s\xfcze" + data[at + 4 :])
+    store = convert(file, radius="s?ze")
+    assert shapes_of(store) == spheres(places(scan), np.asarray(scan["size"]))
+
+
 # --- broken files --------------------------------------------------------------------------------
 
 
@@ -281,6 +334,34 @@ def test_more_chunks_than_points(laz, count):
     assert (
         failure(laz, radius=1) == f"byte {table + 4}: found {count} chunks, expected at most {most}"
     )
+
+
+ITEMS = [(34, 77, "is unknown"), (36, 1, "found 1 bytes for LASzip's item"),
+         (36, 255, "bytes for LASzip's item"), (38, 9, "version: 9 is not supported")]  # fmt: skip
+
+
+@pytest.mark.parametrize("form", [3, 7])
+@pytest.mark.parametrize(("place", "byte", "words"), ITEMS)
+def test_what_lazrs_does_not_know_is_one_sentence(laz, form, place, byte, words, capfd):
+    """lazrs would write of its surprise to standard error, behind everyone's back."""
+    write(laz, form)
+    data, _, _, record = chunks_of(laz)
+    data[record + place] = byte
+    laz.write_bytes(data)
+    said = failure(laz, radius=1)
+    assert words in said
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("size", [1, 7, COUNT - 1])
+def test_fewer_chunks_than_their_size_asks_for(laz, size, capfd):
+    write(laz)
+    data, _, table, record = chunks_of(laz)
+    struct.pack_into("<I", data, record + 12, size)
+    laz.write_bytes(data)
+    said = f"found 1 chunks of {size} points for {COUNT}, expected {-(-COUNT // size)}"
+    assert failure(laz, radius=1) == f"byte {table + 4}: {said}"
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize("size", [1 << 20, 1 << 30, (1 << 32) - 2])

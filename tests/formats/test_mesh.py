@@ -11,15 +11,23 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import FACES, VERTICES, convert, expected, failure, objects_of, open_files, shapes_of
+from meshes import (
+    FACES,
+    VERTICES,
+    convert,
+    expected,
+    failure,
+    objects_of,
+    open_files,
+    shapes_of,
+    small_room,
+)
 
 import bfrt
 from bfrt.cli import main
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats import mesh as mesh_module
 from bfrt.formats.mesh import (
-    CONVERTING,
-    FEWEST,
     Faces,
     by_window,
     joined,
@@ -27,11 +35,10 @@ from bfrt.formats.mesh import (
     joined_on_disk,
     means,
     once_each,
+    parts,
 )
 from bfrt.memory import format_memory, parse_memory
 from bfrt.store.store import open_store
-
-MEMORY = 1 << 20
 
 
 class Arrays:
@@ -200,23 +207,50 @@ def test_other_vertices_than_were_said(tmp_path, change):
             )
 
 
-def test_the_budget(tmp_path):
-    mesh = Arrays(VERTICES, FACES)
-    least = CONVERTING + FEWEST
-    with pytest.raises(BudgetError) as caught:
-        joined(mesh, least - 1, tmp_path)
-    said = str(caught.value)
-    assert said.startswith("memory: found ")
-    assert f"expected {format_memory(least)} or more to convert a mesh" in said
-    assert together(joined(mesh, parse_memory(format_memory(least)), tmp_path))[1]
-
-
 def test_which_join(tmp_path):
     """In memory, as long as all vertices fit."""
-    for fits, names in ((0, "joined_in_memory"), (1, "joined_on_disk")):
-        mesh = Arrays(np.zeros((FEWEST // 12 + fits, 3), np.float32), FACES)
-        join = joined(mesh, CONVERTING + FEWEST, tmp_path)
-        assert join.__name__ == names
+    for room, name in ((72, "joined_in_memory"), (71, "joined_on_disk")):
+        assert joined(Arrays(VERTICES, FACES), room, tmp_path).__name__ == name
+
+
+def test_no_more_windows_than_may_have_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh_module, "WINDOWS", 3)
+    mesh = Arrays(VERTICES, FACES)
+    assert joined(mesh, 24, tmp_path).__name__ == "joined_on_disk"
+    with pytest.raises(BudgetError) as caught:
+        joined(mesh, 23, tmp_path)
+    said = "found 6 vertices, expected a budget of 1MiB more to join them with faces"
+    assert str(caught.value) == f"mesh: {said}"
+
+
+@settings(max_examples=60)
+@given(
+    sizes=st.lists(st.integers(0, 9), max_size=20),
+    most=st.integers(1, 30),
+    block=st.integers(1, 9),
+    columns=st.booleans(),
+)
+def test_blocks_of_faces_are_cut_up(sizes, most, block, columns):
+    lists = [list(range(10 * i, 10 * i + size)) for i, size in enumerate(sizes)]
+    given = []
+    for faces in Arrays(VERTICES, lists, block=block).face_blocks():
+        beside = [f.indices.sum() for f in [faces]] * len(faces.counts)
+        own = np.array(beside, np.uint32) if columns else None
+        given.append(faces._replace(values=own, materials=own))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh_module, "CORNERS", most)
+        found = list(parts(given))
+    assert [i for part in found for i in part.indices.tolist()] == [i for f in lists for i in f]
+    assert [count for part in found for count in part.counts.tolist()] == sizes
+    for part in found:
+        assert part.counts.sum() == len(part.indices)
+        assert len(part.indices) <= most or len(part.counts) == 1
+    for name in ("values", "materials"):
+        cut, whole = ([getattr(f, name) for f in faces] for faces in (found, given))
+        if columns and sizes:
+            assert np.concatenate(cut).tolist() == np.concatenate(whole).tolist()
+        else:
+            assert not any(each is not None for each in cut)
 
 
 def test_means_of_faces():
@@ -242,20 +276,16 @@ def ply_of(vertices, faces, more=()):
     return "\n".join(head).encode() + vertices.tobytes() + b"".join(body)
 
 
-def small_budget(patch, bytes_of_vertices):
-    """A mesh gets so many bytes for its vertices where the memory is MEMORY."""
-    patch.setattr(mesh_module, "CONVERTING", MEMORY - bytes_of_vertices)
-    patch.setattr(mesh_module, "FEWEST", 0)
-
-
 @settings(max_examples=40)
 @given(
     seed=st.integers(0, 1 << 30),
-    n=st.integers(1, 300),
+    n=st.integers(1, 250),
     faces=st.integers(1, 60),
     room=st.integers(40, 3000),
     dtype=st.sampled_from([np.float32, np.float64]),
-    asked=st.sampled_from([{}, {"color_by": "c3"}, {"triangulate": True}, {"dtype": "float32"}]),
+    asked=st.sampled_from(
+        [{}, {"color_by": "c3"}, {"polygons": True}, {"triangulate": True}, {"dtype": "float32"}]
+    ),
 )
 def test_the_same_store(tmp_path_factory, seed, n, faces, room, dtype, asked):
     vertices, lists = random_mesh(np.random.default_rng(seed), n, faces, 4, dtype)
@@ -263,65 +293,44 @@ def test_the_same_store(tmp_path_factory, seed, n, faces, room, dtype, asked):
     file.write_bytes(ply_of(vertices, lists))
     whole = convert(file, **asked)
     with pytest.MonkeyPatch.context() as patch:
-        small_budget(patch, room)
-        assert convert(file, memory=MEMORY, **asked).checksum == whole.checksum
+        small_room(patch, room)
+        assert convert(file, **asked).checksum == whole.checksum
     assert sorted(path.name for path in file.parent.iterdir()) == ["a.bfrt", "a.ply"]
-    if not asked:
+    if "polygons" in asked:
         assert shapes_of(whole) == expected(vertices[:, :3], lists)
 
 
 @pytest.mark.parametrize("room", [1 << 19, 50])
 def test_another_scratch_folder(tmp_path, monkeypatch, room):
-    small_budget(monkeypatch, room)
+    small_room(monkeypatch, room)
     file = tmp_path / "a.ply"
     file.write_bytes(ply_of(VERTICES, FACES))
     scratch = tmp_path / "scratch"
     if room == 50:  # on disk, and there is no such folder
-        assert "creating" in failure(file, bfrt.errors.StreamError, memory=MEMORY, scratch=scratch)
+        assert "creating" in failure(file, bfrt.errors.StreamError, scratch=scratch)
     scratch.mkdir()
-    assert shapes_of(convert(file, memory=MEMORY, scratch=scratch)) == expected(VERTICES, FACES)
+    assert shapes_of(convert(file, scratch=scratch)) == expected(VERTICES, FACES)
     assert list(scratch.iterdir()) == []
 
 
 def test_a_bad_mesh_on_disk_leaves_nothing(tmp_path, monkeypatch):
     file = tmp_path / "a.ply"
     data = ply_of(VERTICES, FACES)
-    small_budget(monkeypatch, 50)
+    small_room(monkeypatch, 50)
     for size in (*range(data.index(b"end_header"), len(data), 3), len(data) - 1):
         file.write_bytes(data[:size])
-        failure(file, memory=MEMORY)
+        failure(file)
     file.write_bytes(ply_of(VERTICES, [*FACES, [0, 1, 9]]))
-    assert failure(file, memory=MEMORY) == "face 4: found vertex 9, expected 0 to 5"
+    assert failure(file) == "face 4: found vertex 9, expected 0 to 5"
     vertices = VERTICES.copy()
     vertices[3, 0] = np.nan
     file.write_bytes(ply_of(vertices, FACES))
-    said = "found nan 1 0.75 1 1 0.5 1 0 0.25, expected finite coordinates of three corners or more"
-    assert failure(file, memory=MEMORY) == f"face 1: {said}"
+    said = "found nan 1 0.5 1 1 0.75 1 0 0.25, expected finite coordinates of three corners or more"
+    assert failure(file) == f"face 1: {said}"
     vertices = VERTICES.copy()
     vertices[0, 2] = np.inf
     file.write_bytes(ply_of(vertices, FACES[1:]))
-    assert failure(file).startswith("face 0: found 1 1 0.5 1 0 0.25 0 0 inf, expected finite")
-
-
-def test_too_little_memory(tmp_path):
-    file = tmp_path / "a.ply"
-    file.write_bytes(ply_of(VERTICES, FACES))
-    least = format_memory(CONVERTING + FEWEST)
-    assert f"expected {least} or more" in failure(file, BudgetError, memory="99MiB")
-    assert convert(file, memory=least).objects == 4
-
-
-def test_more_vertices_than_the_least_memory_holds(tmp_path, monkeypatch):
-    fewest = FEWEST >> 4
-    monkeypatch.setattr(mesh_module, "FEWEST", fewest)
-    rng = np.random.default_rng(8)
-    vertices = rng.normal(size=(fewest // 12 * 2 + 9, 3)).astype(np.float32)
-    lists = rng.integers(0, len(vertices), (2000, 3)).tolist()
-    file = tmp_path / "a.ply"
-    file.write_bytes(ply_of(vertices, lists))
-    whole = convert(file, memory="1GiB")
-    assert convert(file, memory=CONVERTING + fewest).checksum == whole.checksum
-    assert shapes_of(whole)[:9] == expected(vertices, lists[:9])
+    assert failure(file).startswith("face 0: found 1 1 0.75 1 0 0.25 0 0 inf, expected finite")
 
 
 # --- the command ---------------------------------------------------------------------------------
@@ -368,9 +377,9 @@ def test_convert_points(cloud, tmp_path):
 
 def test_convert_in_a_budget(square, tmp_path, capsys):
     out = str(tmp_path / "a.bfrt")
-    least = format_memory(CONVERTING + FEWEST)
-    assert main(["convert", str(square), "-o", out, "--memory", "100MiB"]) == 2
-    assert f"expected {least} or more" in capsys.readouterr().err
+    least = "53MiB"
+    assert main(["convert", str(square), "-o", out, "--memory", "52MiB"]) == 2
+    assert f"expected {least} or more to convert {square}" in capsys.readouterr().err
     assert main(["convert", str(square), "-o", out, "--memory", least, "--triangulate"]) == 0
     assert [stream.kind.label for stream in open_store(out).streams] == ["triangle"]
     assert main(["convert", str(square), "-o", out, "--dtype", "float64"]) == 0
@@ -451,7 +460,95 @@ def test_several_files_are_groups(square, cloud, tmp_path):
     with pytest.raises(bfrt.errors.SettingError):
         bfrt.convert([square, cloud], tmp_path / "a.bfrt")
     cloud.write_text(cloud.read_text().replace("nan", "1"))
-    with pytest.raises(bfrt.errors.SettingError, match="found radius=1, expected none"):
-        bfrt.convert([cloud, square], tmp_path / "a.bfrt", radius=1)
-    store = bfrt.convert([square, square], tmp_path / "a.bfrt").store
-    assert [sum(s.count for s in group.streams) for group in store.groups] == [4, 4]
+    store = bfrt.convert([square, square], tmp_path / "a.bfrt")
+    assert counts_of(store) == [4, 4]
+
+
+# --- settings of several files -------------------------------------------------------------------
+
+
+def counts_of(store):
+    """Objects of each group."""
+    return [sum(stream.count for stream in group.streams) for group in store.groups]
+
+
+@pytest.fixture
+def several(tmp_path, cloud, square):
+    """Files of all sorts, by their suffix or what they hold."""
+    cloud.write_text(cloud.read_text().replace("nan", "1"))
+    files = {"cloud": cloud, "square": square}
+    texts = {
+        "stl": "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+        "endloop\nendfacet\nendsolid\n",
+        "obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+        "nff": "s 0 0 0 1\n",
+    }
+    for suffix, text in texts.items():
+        files[suffix] = tmp_path / f"a.{suffix}"
+        files[suffix].write_text(text)
+    files["npy"] = tmp_path / "a.npy"
+    np.save(files["npy"], VERTICES[:2])
+    return files
+
+
+@pytest.mark.parametrize(
+    ("names", "asked", "counts"),
+    [
+        (("stl", "obj"), {"triangulate": True}, [1, 2]),
+        (("obj", "stl"), {"triangulate": True}, [2, 1]),
+        (("stl", "obj", "nff"), {"polygons": True}, [1, 1, 1]),
+        (("cloud", "square"), {"radius": 1}, [3, 4]),
+        (("square", "cloud", "obj"), {"radius": 1, "triangulate": True}, [7, 3, 2]),
+        (("stl", "nff"), {"skip_invalid": True}, [1, 1]),
+        (("obj", "square"), {"color_by": "z", "colormap": "gray"}, [1, 4]),
+        (("square", "obj"), {"color_by": "z", "color_range": (0, 1)}, [4, 1]),
+        (("npy", "stl"), {"radius": 0.5}, [2, 1]),
+    ],
+)
+def test_a_setting_is_for_the_files_that_it_concerns(several, tmp_path, names, asked, counts):
+    store = bfrt.convert([several[name] for name in names], tmp_path / "a.bfrt", **asked)
+    assert counts_of(store) == counts
+    if "color_by" in asked:
+        plain = names.index("obj")
+        (stream,) = store.groups[plain].streams
+        palette = store.materials().view("<f4").reshape(-1, 8)
+        assert palette[stream.material, :3] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("names", "asked", "words"),
+    [
+        (("stl", "obj"), {"radius": 1}, "found radius=1, expected none for files"),
+        (("obj", "cloud"), {"radius": 1, "positions": "x"}, "found positions='x', expected none"),
+        (("nff", "stl"), {"triangulate": True}, "found triangulate=True, expected none"),
+        (("nff", "nff", "stl"), {"polygons": True}, "found polygons=True, expected none"),
+        (("stl", "obj", "nff"), {"color_by": "z"}, "found color_by='z', expected none"),
+        (("stl", "obj"), {"colormap": "gray"}, "found without color_by"),
+        (("square", "obj"), {"color_by": "no"}, "found no no of each vertex or face"),
+    ],
+)
+def test_a_setting_that_concerns_no_file_is_refused(several, tmp_path, names, asked, words):
+    files = [several[name] for name in names]
+    before = set(tmp_path.iterdir())
+    with pytest.raises(bfrt.errors.SettingError) as caught:
+        bfrt.convert(files, tmp_path / "a.bfrt", **asked)
+    said = str(caught.value)
+    assert words in said
+    if "for files" in said:
+        assert said.startswith(", ".join(map(str, files)) + ": found ")
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_of_many_files_three_are_named(several, tmp_path):
+    with pytest.raises(bfrt.errors.SettingError) as caught:
+        bfrt.convert([several["stl"]] * 9, tmp_path / "a.bfrt", radius=1)
+    named = ", ".join([str(several["stl"])] * 3)
+    assert str(caught.value).startswith(f"{named} and 6 more: found radius=1, expected none for")
+
+
+def test_a_standard_scene_beside_a_mesh(several, tmp_path):
+    files = ["spd:tetra:2", several["obj"]]
+    store = bfrt.convert(files, tmp_path / "a.bfrt", triangulate=True)
+    assert counts_of(store) == [16, 2]
+    with pytest.raises(bfrt.errors.SettingError, match=r"spd:tetra:2, .*found radius=1, expected"):
+        bfrt.convert(files, tmp_path / "a.bfrt", radius=1)

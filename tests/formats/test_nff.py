@@ -31,7 +31,7 @@ VIEW = b"v\nfrom 4 5 6\nat 0 0 1\nup 0 0 1\nangle 30\nhither 0.5\nresolution 640
 # comments behind numbers, all kinds of blanks and line ends.
 SCENE = (
     b"# a comment with \xe9\x00 bytes\n"
-    b"b .25 0.5 1.#color\n"
+    b"b .25 0.5 1. #color\n"
     b"v from 4 5 6 at\t0 0 1\r\nresolution +640 480 angle 30 up 0 0 1\n"
     b"s 1 2 3 4\n"
     b"l 1 2 3\nl 1 2 3 0.5 0.25 0\n"

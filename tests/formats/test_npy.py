@@ -18,6 +18,7 @@ from meshes import convert, expected, failure, objects_of, outcome, shapes_of
 
 from bfrt.errors import SceneError, SettingError, ShortReadError, StreamError
 from bfrt.formats import arrays as arrays_module
+from bfrt.formats import naming
 from bfrt.records import Kind
 
 RNG = np.random.default_rng(5)
@@ -205,13 +206,127 @@ def test_records_without_positions(npy, fields):
     assert "expected one array named as one of spheres, centers," in failure(npy, radius=1)
 
 
+def test_records_in_two_dimensions_are_those_of_a_map(npy, small_blocks):
+    """As of a cloud that is kept as the sensor saw it."""
+    np.save(npy, records(mass=MASS).reshape(4, 5))
+    store = convert(npy, radius=1, color_by="mass", colormap="gray")
+    assert shapes_of(store) == spheres(CENTERS, 1)
+    shades = [color[0] for color in colors(store)]
+    assert shades == sorted(shades) and len(set(shades)) == 20
+
+
 def test_records_in_more_dimensions(npy):
-    np.save(npy, np.zeros((2, 2), [("x", "f4")]))
-    assert failure(npy) == "found records of shape (2, 2), expected (n,)"
+    np.save(npy, records().reshape(2, 2, 5))
+    assert failure(npy, radius=1).startswith("found x (2, 2, 5) float32, y (2, 2, 5) float32, z")
+
+
+@pytest.mark.parametrize("save", ["npy", "npz"])
+@pytest.mark.parametrize("form", [str.lower, str.upper, str.capitalize])
+@pytest.mark.parametrize("names", [("red", "green", "blue"), ("r", "g", "b")])
+@pytest.mark.parametrize("dtype", ["u1", "u2", "i8", "f4"])
+def test_colors_in_three_fields(npy, save, form, names, dtype, small_blocks):
+    full = {"u1": 255, "u2": 65535, "i8": 255, "f4": 1}[dtype]
+    rows = records(**{form(name): np.zeros(20, dtype) for name in names})
+    rows[form(names[0])][:7] = full
+    rows[form(names[2])][7:] = full
+    path = npy if save == "npy" else npy.with_suffix(".npz")
+    np.save(npy, rows) if save == "npy" else np.savez(path, cloud=rows, other=MASS)
+    store = convert(path, radius=1, color_by="rgb")
+    assert shapes_of(store) == spheres(CENTERS, 1)
+    assert colors(store) == [(1, 0, 0)] * 7 + [(0, 0, 1)] * 13
+
+
+@pytest.mark.parametrize("names", ["xyz", "XYZ"])
+def test_positions_in_three_fields_or_arrays(npy, names, small_blocks):
+    rows = np.zeros(20, [("mass", "f8"), *((name, "f4") for name in names)])
+    for name, column in zip(names, CENTERS.T, strict=True):
+        rows[name] = column
+    rows["mass"] = MASS
+    np.save(npy, rows)
+    assert shapes_of(convert(npy, radius="mass")) == spheres(CENTERS, MASS)
+    npz = npy.with_suffix(".npz")
+    np.savez(npz, mass=MASS, **{name: rows[name] for name in names})
+    assert shapes_of(convert(npz, radius="mass")) == spheres(CENTERS, MASS)
+    np.savez(npz, cloud=rows, mass=MASS[:3])
+    for positions in (None, "cloud", "/cloud/"):
+        found = shapes_of(convert(npz, radius="mass", positions=positions))
+        assert found == spheres(CENTERS, MASS)
+
+
+def test_columns_of_two_lengths(npz):
+    np.savez(npz, x=MASS, y=MASS[:7], z=MASS)
+    words = "y: found float64 of shape (7,), expected numbers of shape (20,)"
+    assert failure(npz, radius=1) == words
+
+
+def test_records_in_records(npy, small_blocks):
+    inner = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4")])
+    rows = np.zeros(20, [("at", inner), ("speed", inner), ("mass", "f8")])
+    for name, column in zip("xyz", CENTERS.T, strict=True):
+        rows["at"][name] = column
+    rows["mass"] = MASS
+    np.save(npy, rows)
+    words = "found at/x (20,) float32, at/y (20,) float32, at/z (20,) float32, speed/x (20,) float3"
+    assert failure(npy, radius=1).startswith(words)
+    store = convert(npy, positions="at", radius="mass", color_by="speed/x")
+    assert shapes_of(store) == spheres(CENTERS, MASS)
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8", ">f4"])
+def test_a_map_of_positions(npy, dtype, small_blocks):
+    array = CENTERS.reshape(4, 5, 3).astype(dtype)
+    np.save(npy, array)
+    assert shapes_of(convert(npy, radius=1)) == spheres(CENTERS, 1)
+    npz = npy.with_suffix(".npz")
+    rgb = np.zeros((4, 5, 3), "u1")
+    rgb[..., 1] = 255
+    np.savez(npz, points=array, colors=rgb, depth=MASS.reshape(4, 5), radii=RADII.reshape(4, 5))
+    store = convert(npz, color_by="rgb")
+    assert shapes_of(store) == spheres(CENTERS, RADII)
+    assert set(colors(store)) == {(0, 1, 0)}
+    assert len(set(colors(convert(npz, color_by="depth")))) == 20
+    np.save(npy, np.asfortranarray(array[:, :2]))
+    said = "found shape (4, 2, 3) in Fortran order, expected C order for more than two dimensions"
+    assert failure(npy, radius=1) == said
+
+
+def test_a_map_of_one_long_row_takes_no_memory(npy):
+    header_of(npy, "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1 << 40, 3)}".replace(
+        "1 << 40", str(1 << 40)
+    ))  # fmt: skip
+    tracemalloc.start()
+    try:
+        failure(npy, ShortReadError, radius=1)
+        assert tracemalloc.get_traced_memory()[1] < 16 << 20
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("dtype", "most", "full"),
+    [("u2", 255, 255), ("u2", 256, 65535), (">u2", 9, 255), ("i8", 255, 255), ("i4", 1, 1),
+     ("u8", 256, 65535), ("i2", 200, 255)],
+)  # fmt: skip
+def test_colors_of_whole_numbers(npz, dtype, most, full, caplog, small_blocks):
+    rgb = np.zeros((20, 3), dtype)
+    rgb[13, 0] = most
+    np.savez(npz, centers=CENTERS, colors=rgb)
+    red = colors(convert(npz, radius=1, color_by="rgb"))[13][0]
+    parts = np.rint(most / full * 31) / 31
+    exact = ((parts + 0.055) / 1.055) ** 2.4 if parts > 0.04045 else parts / 12.92
+    assert abs(red - exact) < 1e-6
+    told = [f"{npz}: colors: colors of 16 bits go to {most} only: taken as of 8 bits"]
+    assert caplog.messages == (told if "2" in dtype and full == 255 else [])
+
+
+def test_colors_that_are_too_great(npz):
+    np.savez(npz, centers=CENTERS, colors=np.full((20, 3), 65536))
+    words = "colors: found a color of 65536, expected 0 to 65535"
+    assert failure(npz, radius=1, color_by="rgb") == words
 
 
 IN_ROWS = "expected numbers in rows, in Fortran order at most 16 in each"
-BY_SHAPE = "expected (n, 3) points, (n, 4) spheres, (n, 3, 3) or (n, 9) triangles"
+BY_SHAPE = "expected (n, 3) or (h, w, 3) points, (n, 4) spheres, (n, 3, 3) or (n, 9) triangles"
 
 
 @pytest.mark.parametrize(
@@ -384,7 +499,7 @@ def test_radii_too_large_for_the_positions(npz):
 
 
 @pytest.mark.parametrize("save", SAVES)
-@pytest.mark.parametrize("name", [*arrays_module.CENTERS, "Coordinates", "snap/POS"])
+@pytest.mark.parametrize("name", [*naming.CENTERS, "Coordinates", "snap/POS"])
 def test_points_by_their_name(npz, save, name, small_blocks):
     other = {"a string": np.array("x"), "objects": np.array([None]), "number": np.float64(1)}
     order = {"fortran": np.asfortranarray(np.ones((3, 30))), "flat": np.ones(7)}
@@ -412,13 +527,16 @@ def test_positions_by_a_setting(npz):
     assert shapes_of(convert(npz, positions="b", radius=1)) == spheres(CENTERS + 1, 1)
     assert shapes_of(convert(npz, positions="vertices", radius=1)) == spheres(CENTERS, 1)
     assert failure(npz, SettingError, positions="c", radius=1) == (
-        "found no array 'c' for positions, expected one of a, b, vertices, faces"
+        "found no array 'c' for positions, expected one of a (20, 3) float32, "
+        "b (20, 3) float32, vertices (20, 3) float32, faces (12, 3) int64"
     )
 
 
 def test_several_that_may_be_positions(npz):
     np.savez(npz, pos=CENTERS, points=CENTERS, mass=MASS)
-    assert failure(npz, radius=1).startswith("found pos, points, expected one array named as")
+    assert failure(npz, radius=1).startswith(
+        "found pos (20, 3) float32, points (20, 3) float32, expected one array named as"
+    )
     assert shapes_of(convert(npz, positions="pos", radius=1)) == spheres(CENTERS, 1)
     np.savez(npz, pos=CENTERS, points=np.array(["a", "b"]), xyz=MASS)
     assert shapes_of(convert(npz, radius=1)) == spheres(CENTERS, 1)
@@ -426,7 +544,10 @@ def test_several_that_may_be_positions(npz):
 
 def test_none_that_may_be_positions(npz):
     np.savez(npz, **{f"a{i}": MASS for i in range(20)})
-    assert failure(npz).startswith("found a0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, ...,")
+    first = ", ".join(f"a{i} (20,) float64" for i in range(8))
+    assert failure(npz).startswith(f"found {first}, ..., expected one array named as one of")
+    np.savez(npz, **{f"{i}" * 300: MASS for i in range(9)})
+    assert failure(npz).startswith(f"found {'0' * 60}... (20,) float64, {'1' * 60}... (20,) float")
     np.savez(npz)
     assert failure(npz).startswith("found no arrays, expected one")
 
@@ -440,7 +561,7 @@ def test_meshes(npz, dtype, small_blocks):
 def test_meshes_of_squares(npz):
     faces = [[0, 1, 2, 3], [4, 5, 6, 7]]
     np.savez(npz, vertices=CENTERS, faces=faces)
-    assert shapes_of(convert(npz)) == expected(CENTERS, faces)
+    assert shapes_of(convert(npz, polygons=True)) == expected(CENTERS, faces)
     assert [s.kind for s in convert(npz, triangulate=True).streams] == [Kind.TRIANGLE]
 
 
@@ -688,8 +809,8 @@ def test_progress_counts_bytes(npy, npz, small_blocks):
     ("asked", "words"),
     [
         ({"triangulate": True}, "found triangulate=True, expected none for .npz files"),
-        ({"radius": "no"}, "found no array 'no' for radius, expected one of centers, mass, flat"),
-        ({"color_by": "no"}, "found no array 'no' for color_by, expected one of centers, mass"),
+        ({"radius": "no"}, "found no array 'no' for radius, expected one of centers (20, 3) fl"),
+        ({"color_by": "no"}, "found no array 'no' for color_by, expected one of centers (20, 3)"),
         ({"color_by": "rgb"}, "expected one array of colors (n, 3), named as one of colors, rgb"),
         ({"color_by": "flat"}, "flat: found float64 of shape (7,), expected numbers of shape (20,"),
         ({"radius": "flat"}, "flat: found float64 of shape (7,), expected numbers of shape (20,)"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import itertools
 import os
+import shutil
 import time
 import tracemalloc
 
@@ -21,11 +22,10 @@ from meshes import (
     objects_of,
     outcome,
     shapes_of,
+    small_room,
 )
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.formats import mesh as mesh_module
-from bfrt.formats import obj as obj_module
 from bfrt.formats import source as source_module
 from bfrt.formats.source import Source
 from bfrt.store.model import Material
@@ -77,7 +77,7 @@ def test_vertices_of_3_4_6_and_7_numbers(file):
     lines = ["v 1 2 3", "v 4 5 6 0.5", "v 7 8 10 0.1 0.2 0.3", "v 0 0 1 1 0.1 0.2 0.3", "f 1 2 3 4"]
     file.write_text("\n".join(lines))
     vertices = [[1, 2, 3], [4, 5, 6], [7, 8, 10], [0, 0, 1]]
-    assert shapes_of(convert(file)) == expected(vertices, [[0, 1, 2, 3]])
+    assert shapes_of(convert(file, polygons=True)) == expected(vertices, [[0, 1, 2, 3]])
     said = failure(file, SettingError, color_by="rgb")
     assert said == "found 2 colors for 4 vertices, expected one for each to color by"
 
@@ -101,7 +101,7 @@ def test_negative_numbers_count_back_from_where_they_are(file):
     assert shapes_of(convert(file)) == expected(vertices, [[0, 1, 2], [0, 1, 3], [0, 3, 1]])
 
 
-def test_polygons_as_fans(file):
+def test_polygons_as_triangles(file):
     file.write_text(obj())
     fans = [[f[0], f[i], f[i + 1]] for f in FACES for i in range(1, len(f) - 1)]
     assert shapes_of(convert(file, triangulate=True)) == expected(VERTICES, fans)
@@ -114,14 +114,14 @@ DRESSED = (
     "v 0 0 0 # the first\n"
     "\tv\t1 \\\n 0\\\n .25\n"
     "vt 0 0\nvn 0 0 1\nvp 1\n"
-    "v 1 1 0.5\nv 0 1 0.75#\n#v 1 1 1\n"
-    "v 9 9 9\nv 0.5 2 1\n"
+    "v 1 1 0.75\nv 0 1 0.5 #\n#v 1 1 1\n"
+    "v 9 9 9\nv 0.5 2 1.125\n"
     "s off\n"
     "f 1 2/1 6//1\n"
     "f \\\n 4/3 \\\n   3/3 2/2 \\\n 1/1 # four\n"
     "l 1 2 3\np 1\n"
     "fo 6 4 1\n"
-    "f 1 2 3 4 6"
+    "f 1 2 3 6 4"
 )
 
 
@@ -143,15 +143,76 @@ def test_lines_are_counted_whatever_ends_them(file, end, monkeypatch):
         assert failure(file).startswith(f"line {number}: found 'x', expected a vertex's number")
 
 
+@pytest.mark.parametrize("size", [64, 1 << 20])
+@pytest.mark.parametrize("tail", ["", "vn 0 0 1\ng a\np 1 2 3\n"])
+def test_vertices_alone_are_points(file, size, tail, monkeypatch):
+    cut(monkeypatch, size)
+    lines = [f"v {x!r} {y!r} {z!r} {i % 2} 0 1" for i, (x, y, z) in enumerate(VERTICES.tolist())]
+    file.write_text("\n".join(lines) + "\n" + tail)
+    points = [((*map(float, row), 0.5),) for row in VERTICES]
+    for room in (0, 1 << 60):
+        small_room(monkeypatch, room)
+        store = convert(file, radius=0.5)
+        assert shapes_of(store) == points
+        assert store.streams[0].wide
+        found = objects_of(convert(file, radius=0.5, color_by="rgb"))
+        assert [each.color for each in found] == [(0, 0, 1), (1, 0, 1)] * 3
+    shutil.rmtree(file.with_suffix(".bfrt"))
+    said = failure(file, SettingError)
+    assert said.startswith("found points without a radius, expected radius=")
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"radius": "h"}, "found radius='h', expected a number"),
+        ({"radius": 1, "triangulate": True}, "found triangulate=True, expected none for .obj"),
+        ({"radius": 1, "color_by": "rgb"}, "found 0 colors for 6 vertices, expected one for each"),
+    ],
+)
+def test_settings_that_do_not_fit_points(file, asked, words):
+    file.write_text(obj(faces=[]))
+    assert words in failure(file, SettingError, **asked)
+
+
+def test_points_that_are_not_finite(file):
+    file.write_text("v 0 0 0\nv 1 -1.#IND 0\nv 2 0 0\n")
+    assert failure(file, radius=1) == "point 1: found 1 nan 0 1, expected finite numbers"
+    assert shapes_of(convert(file, radius=1, skip_invalid=True)) == [
+        ((0, 0, 0, 1),), ((2, 0, 0, 1),)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("g a\nvn 0 0 1\n", "found no v and no f, expected vertices and faces"),
+        ("mtllib a.mtl\n", "found no v and no f, expected vertices and faces"),
+        ("v 0 0 0\nv 1 0 0\nl 1 2\n", "found lines (l) without a face (f), expected faces, or"),
+        ("l 1 2\n", "found no v and no f"),
+        ("# a\n1 2 3\n4 5 6\n", "line 2: found '1', expected v, f or another statement of OBJ, as"),
+        ("v 1 2 3\na\nb\n", "line 2: found 'a', expected v, f or another statement of OBJ, as in 1 "
+                             "of 3 lines only"),
+        ("v 1 2 3\nf 1 1 1\na b\0\n", "line 3: found 'a' and a NUL byte in the line, expected"),
+        ("a\0b\n", r"line 1: found 'a\x00b' and a NUL byte in the line, expected text"),
+    ],
+)  # fmt: skip
+def test_what_is_no_obj(file, text, said):
+    file.write_text(text)
+    assert failure(file, radius=1).startswith(said)
+
+
+def test_nuls_in_names_and_comments_are_passed_over(file):
+    file.write_text(obj(tail="# \0\no \0 a\nvn \0\n"))
+    assert shapes_of(convert(file)) == expected(VERTICES, FACES)
+
+
 def test_unknown_statements_are_counted(file, caplog, monkeypatch):
     file.write_bytes(obj(tail="cstype bezier\n\xe9\ncurv 1 2\nvx 1\nV 1 2 3\n").encode("latin-1"))
     for joined in ("in memory", "on disk"):
         if joined == "on disk":  # which reads faces twice
-            monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 100)
-            monkeypatch.setattr(mesh_module, "FEWEST", 0)
-        assert shapes_of(
-            convert(file, memory=1 << 20 if joined == "on disk" else None)
-        ) == expected(VERTICES, FACES)
+            small_room(monkeypatch, 100)
+        assert shapes_of(convert(file)) == expected(VERTICES, FACES)
         assert caplog.messages == [f"{file}: 5 lines of unknown statements were passed over"]
         caplog.clear()
 
@@ -187,14 +248,18 @@ def test_round_trip(tmp_path_factory, seed, size, end):
     file.write_bytes(end.join(lines).encode())
     with pytest.MonkeyPatch.context() as patch:
         cut(patch, size)
-        assert shapes_of(convert(file)) == expected(vertices, faces)
+        if faces:
+            assert shapes_of(convert(file, polygons=True)) == expected(vertices, faces)
+        else:
+            points = [((*row, 2.0),) for row in vertices.tolist()]
+            assert shapes_of(convert(file, radius=2)) == points
 
 
 def test_vertices_that_are_not_kept(file, monkeypatch):
     """Few fit in memory twice: the others are read again."""
     file.write_text(obj())
     whole = convert(file).checksum
-    monkeypatch.setattr(obj_module, "CONVERTING", 1 << 60)
+    small_room(monkeypatch, VERTICES.nbytes * 2)
     assert convert(file).checksum == whole
 
 
@@ -292,15 +357,61 @@ def test_one_of_several_libraries_is_missing(file, caplog):
 @pytest.mark.parametrize(
     "change",
     ["Kd 1 0", "Kd a b c", "Kd", "d", "Ni -1", "Ns inf", "Tr nan", "illum x", "Ks 1 1 1e39",
-     "d -halo"],
+     "d -halo", "Kd 1.#QNAN 0 0", "Kd -1.#IND", "Kd 1_0 0 0"],
 )  # fmt: skip
-def test_bad_libraries(file, change):
+def test_statements_that_are_wrong(file, change, caplog):
+    """A mesh is read all the same: what counts is named, and its default taken."""
     library = file.parent / "a.mtl"
-    library.write_text(f"newmtl a\n{change} # more\n")
+    library.write_text(f"newmtl a\n{change} # more\nillum 3\n" * 2)
     file.write_text(dressed("a.mtl", "a"))
-    said = failure(file)
-    assert said.startswith(f"{library}: line 2: found '{change.split()[0]}")
-    assert f"expected {change.split()[0]} with " in said
+    key = change.split()[0]
+    if key == "illum":  # what comes later counts
+        library.write_text(f"newmtl a\n{change}\n")
+    (found,) = objects_of(convert(file))
+    assert found.material == PLAIN
+    for message in caplog.messages:
+        assert message.startswith(f"{library}: line ")
+        assert f"found '{change}', expected {key} with " in message
+        assert message.endswith(" finite numbers, 0 or more; its default is taken")
+    assert len(caplog.messages) == (1 if key == "illum" else 2)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    ["illum 2\nNs -1.960784\nKs nan 0 0", "Ns -1\nKs x\nillum 0\nd 1\nTr -1", "Ka -1 x\nPr x",
+     "Ks 1 1 1.#INF"],
+)  # fmt: skip
+def test_statements_that_do_not_count_may_be_anything(file, lines, caplog):
+    (file.parent / "a.mtl").write_text(f"newmtl a\nKd 1 0 0\n{lines}\n")
+    file.write_text(dressed("a.mtl", "a"))
+    (found,) = objects_of(convert(file))
+    assert found.material == (1, 0, 0, 1, 0, 1, 0, 1)
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("name", ["", " "])
+def test_a_material_without_a_name(file, name, caplog):
+    (file.parent / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    file.write_text(dressed("a.mtl", "a") + f"usemtl{name}\nf 1 2 3\n")
+    first, second = objects_of(convert(file))
+    assert first.color == (1, 0, 0)
+    assert second.material == PLAIN
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "given",
+    [r"sp\ ace.mtl", r"b.mtl sp\ ace.mtl", r"sp\ ace.mtl  b.mtl", "b.mtl \\\n sp\\ ace.mtl",
+     "\\\nsp ace.mtl"],
+)  # fmt: skip
+def test_libraries_whose_names_have_blanks(file, given, end, caplog):
+    (file.parent / "sp ace.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    (file.parent / "b.mtl").write_text("newmtl b\nKd 0 1 0\n")
+    file.write_bytes(dressed(given, "ab" if "b.mtl" in given else "a").replace("\n", end).encode())
+    found = objects_of(convert(file))
+    assert [each.color for each in found] == [(1, 0, 0), (0, 1, 0)][: len(found)]
+    assert caplog.messages == []
 
 
 def test_materials_over_cuts_and_on_disk(file, monkeypatch):
@@ -313,15 +424,14 @@ def test_materials_over_cuts_and_on_disk(file, monkeypatch):
     assert found == found[:7] * 20
     cut(monkeypatch, 40)
     assert convert(file).checksum == whole.checksum
-    monkeypatch.setattr(mesh_module, "CONVERTING", (1 << 20) - 50)
-    monkeypatch.setattr(mesh_module, "FEWEST", 0)
-    assert convert(file, memory=1 << 20).checksum == whole.checksum
+    small_room(monkeypatch, 50)
+    assert convert(file).checksum == whole.checksum
 
 
 def test_colors_of_vertices(file):
     lines = [
         "v 0 0 0 1 0 0",
-        "v 1 0 0 1 1 0 0",
+        "v 1 0 0 1 0 0 1",
         "v 0 1 0 1 0 0",
         "v 1 1 1 0 0 1",
         "f 1 2 3",
@@ -347,6 +457,10 @@ def test_colors_of_vertices(file):
         ("v", "line 11: "),
         ("v 1 2 x", "line 11: found 'x', expected a number"),
         ("v 1 2 3/4", "line 11: found '3/4', expected a number"),
+        ("v 1 2 3#", "line 11: found '3#', expected a number"),
+        ("v 1 2 1.#", "line 11: found '1.#', expected a number"),
+        ("v 1 2 infinite", "line 11: found 'infinite', expected a number"),
+        ("f 1 2 3#", "line 11: found '3#', expected a vertex's number"),
         ("f 1 2", "line 11: "),
         ("f", "line 11: "),
         ("f 1 2 0", "line 11: found vertex '0', expected one from 1, or from -1 back"),
@@ -379,12 +493,17 @@ def test_a_face_of_many_corners(file):
     rng = np.random.default_rng(1)
     face = rng.integers(0, 6, 100_000).tolist()
     file.write_text(obj([face]))
-    assert shapes_of(convert(file)) == expected(VERTICES, [face])
+    assert shapes_of(convert(file, polygons=True)) == expected(VERTICES, [face])
+
+
+@pytest.mark.parametrize("text", ["", "\n", "# nothing\n"])
+def test_an_empty_file_is_told(file, text, caplog):
+    file.write_text(text)
+    assert convert(file).objects == 0
+    assert caplog.messages == [f"{file}: no object was found"]
 
 
 def test_no_vertices(file):
-    file.write_text("")
-    assert convert(file).objects == 0
     file.write_text("f 1 2 3\n")
     assert failure(file) == "face 0: found vertex 0, expected none"
 
@@ -399,13 +518,34 @@ def test_a_file_cut_at_any_byte(file):
 
 @pytest.mark.parametrize("bad", BAD)
 def test_faces_that_are_not_finite(file, bad, caplog):
-    file.write_text(obj([[0, 1, 2], *FACES, [2, 1, 0]]).replace("0.5 2.0 1.0", f"0.5 {bad} 1.0"))
+    file.write_text(obj([[0, 1, 2], *FACES, [2, 1, 0]]).replace("0.5 2.0 1.125", f"0.5 {bad} 1"))
     said = failure(file)
     assert said.startswith("face 1: found 0 0 0 1 0 0.25 0.5 ")
     assert said.endswith("expected finite coordinates of three corners or more")
     store = convert(file, skip_invalid=True)
     assert shapes_of(store) == expected(VERTICES, [[0, 1, 2], FACES[1], [2, 1, 0]])
     assert caplog.messages == [f"{file}: 3 objects that are not finite were dropped"]
+
+
+@pytest.mark.parametrize("bad", ["-1.#IND", "1.#QNAN", "1.#INF00", "-nan(ind)"])
+def test_what_printf_writes_of_numbers_that_are_not_finite(file, bad):
+    file.write_text(obj([[0, 1, 2], [0, 1, 5]]).replace("0.5 2.0 1.125", f"0.5 2.0 {bad}"))
+    assert failure(file).startswith("face 1: found 0 0 0 1 0 0.25 0.5 2 ")
+    assert shapes_of(convert(file, skip_invalid=True)) == expected(VERTICES, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("few", ["f 1 2", "f 1", "f", "f 1/1 2/2 # 3", "f \\\n 2//1"])
+@pytest.mark.parametrize("size", [64, 1 << 20])
+def test_faces_of_too_few_corners(file, few, size, monkeypatch, caplog):
+    cut(monkeypatch, size)
+    file.write_text(f"{few}\n" * 9 + obj([[0, 1, 2], *FACES], tail=few))
+    assert failure(file).endswith("found the line's end, expected three corners or more")
+    for on_disk in (False, True):
+        if on_disk:
+            small_room(monkeypatch, 100)
+        store = convert(file, skip_invalid=True, polygons=True)
+        assert shapes_of(store) == expected(VERTICES, [[0, 1, 2], *FACES])
+        assert "10 objects" in caplog.messages[-1]
 
 
 @settings(max_examples=100)

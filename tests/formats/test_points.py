@@ -93,10 +93,36 @@ def test_spheres_are_of_the_positions_type(dtype, block):
         assert (records[:, 3] == radius).all()
 
 
+def without_radius(centers):
+    """What is said of points without a radius."""
+    with pytest.raises(SettingError) as caught:
+        written(Given(centers))
+    said = "points: found points without a radius, expected radius= (--radius on the command line)"
+    assert str(caught.value).startswith(said)
+    return str(caught.value).removeprefix(said)
+
+
 def test_points_without_a_radius():
-    with pytest.raises(SettingError, match=r"^points: found points without a radius, expected rad"):
-        written(Given(CENTERS))
+    assert without_radius(CENTERS).endswith(" is half their mean spacing")
+    for rows in (np.ones((5, 3)), CENTERS[:1], np.full((3, 3), np.nan)):
+        assert without_radius(rows) == ""
     assert len(written(Given(CENTERS[:0]))[0]) == 0
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_a_radius_that_fits_a_net_of_points(axes, scale, dtype):
+    """Of a line, a surface and a volume: spheres of it all but touch."""
+    steps = np.linspace(0, 4, 101 if axes == 1 else 21)
+    net = np.stack(np.meshgrid(*[steps] * axes), axis=-1).reshape(-1, axes)
+    rows = np.zeros((len(net), 3))
+    rows[:, :axes] = net * scale
+    rows = np.vstack([rows, np.full(3, np.nan)]).astype(dtype)
+    radius = float(without_radius(rows).split()[1])
+    spacing = (steps[1] - steps[0]) * scale
+    assert 0.9 * spacing <= 2 * radius <= 1.01 * spacing
+    assert len(written(Given(rows), radius=radius, skip_invalid=True)[0]) == len(net)
 
 
 @given(

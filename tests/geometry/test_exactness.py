@@ -15,7 +15,7 @@ from scenes import flat_scene, joined, lattice_scene, random_objects, random_ray
 
 from bfrt.geometry.lattice import Lattice
 from bfrt.image.film import Film
-from bfrt.phases import traversal
+from bfrt.phases import preprocess, traversal
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
@@ -341,10 +341,12 @@ class OneBrick:
         out[:] = self.bricks
 
 
-def test_rule_8_what_ties_is_met(tmp_path):
+def test_rule_8_what_ties_is_met(tmp_path, monkeypatch):
     """A box that begins at the very t of the hit is not culled, nor a voxel that does."""
-    # So far out d is less than a unit in the last place: boxes begin where their objects do. A
-    # wall, an outlier and so met first, coincides with plates in the grid, whose ids are less.
+    # So far out the diagonal's d is less than a unit in the last place: boxes begin where their
+    # objects do. A wall, an outlier and so met first, coincides with plates in the grid, whose ids
+    # are less.
+    monkeypatch.setattr(preprocess, "ROUNDED", 0.0)
     far = 2.0**30
     square = np.array([[-1.0, -1, far], [1, -1, far], [1, 1, far], [-1, 1, far]])
     plates = np.concatenate([square[[0, 1, 2]], square[[0, 2, 3]]]).reshape(-1, 9)

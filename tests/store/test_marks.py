@@ -220,7 +220,7 @@ def test_those_of_another_version_are_made_again(store):
     whole[HEADER.size : HEADER.size + 4] = zlib.crc32(whole[: HEADER.size]).to_bytes(4, "little")
     path.write_bytes(whole)
     assert read(path, store) is None
-    with pytest.raises(StoreError, match="found marks of version 3, expected 4: the next render"):
+    with pytest.raises(StoreError, match="found marks of version 3, expected 5: the next render"):
         store.verify()
 
 

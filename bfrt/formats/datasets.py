@@ -1,0 +1,304 @@
+"""The datasets of an HDF5 file by their names, links followed: `bfrt.formats.table.Arrays`.
+
+The file is opened by its name and read by HDF5 itself. Its reads do not go through Python: HDF5
+opens further files, of virtual datasets and external links, in the way in which the first is open,
+which for a file of Python's is the end of the process.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5d, h5g, h5i, h5l, h5o
+from numpy.typing import NDArray
+
+from bfrt.errors import BfrtError, SceneError
+from bfrt.formats.naming import within
+from bfrt.formats.origins import Origins, opened, refusal_of
+from bfrt.formats.source import Source, printable
+from bfrt.formats.table import Array, Field, Path, paths_of
+from bfrt.formats.trial import may_be_virtual, try_file
+
+
+def failure(source: Source, error: Exception, expected: str, place: str = "") -> BfrtError:
+    """What to raise for an error of HDF5: the system's, where that is why."""
+    return refusal_of(error) or source.failure(error, expected, place)
+
+
+class Dataset:
+    """A dataset as `bfrt.formats.table.Array`.
+
+    Parameters
+    ----------
+    source : Source
+        The file that it is in, or is linked to.
+    name : str
+        Its path.
+    dataset : h5py.Dataset
+    origins : Origins
+        The files that it is made of.
+    frame : int, optional
+        Of the first dimension, which is then none.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        name: str,
+        dataset: Any,
+        origins: Origins,
+        frame: int | None = None,
+    ) -> None:
+        self.name = f"{source.name}: {printable(name)}"
+        self._path = name
+        self._place = f"{printable(name)}: "
+        self._source = source
+        self._dataset = dataset
+        self._origins = origins
+        self._frame = frame
+        try:
+            shape: tuple[int, ...] = dataset.shape
+            self.dtype: np.dtype[Any] = dataset.dtype
+        except Exception as error:
+            expected = "numbers of a type that NumPy has"
+            raise failure(source, error, expected, self._place) from error
+        self.shape = shape if frame is None else shape[1:]
+
+    def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
+        """All rows, `rows` at a time."""
+        for first in range(0, self.shape[0], rows):
+            part = slice(first, first + rows)
+            try:
+                block: NDArray[Any] = self._dataset[
+                    part if self._frame is None else (self._frame, part)
+                ]
+            except Exception as error:
+                self._check_filters()
+                place = f"{self._place}row {first}: "
+                expected = "rows that can be read"
+                raise failure(self._source, error, expected, place) from error
+            self._origins.check_sizes()
+            yield block
+
+    def shallow(self) -> Dataset:
+        """The last frame: of (frames, n, 3) the (n, 3)."""
+        if not self.shape[0]:
+            raise SceneError(f"{self.name}: found no frames, expected one or more")
+        last = self._dataset.shape[0] - 1
+        return Dataset(self._source, self._path, self._dataset, self._origins, last)
+
+    def _check_filters(self) -> None:
+        """Name the filter that is why rows cannot be read."""
+        plist = self._dataset.id.get_create_plist()
+        for k in range(plist.get_nfilters()):
+            number, _, _, name = plist.get_filter(k)
+            if not h5py.h5z.filter_avail(number):
+                called = printable(os.fsdecode(name)) or "no name"
+                raise SceneError(
+                    f"{self.name}: found rows compressed by filter {number} ({called}), expected "
+                    "one that HDF5 has here: a plugin for it, in HDF5_PLUGIN_PATH"
+                )
+
+
+class Datasets(Mapping[str, Array]):
+    """The arrays of a file: its datasets, and the fields of those that have any.
+
+    Listed is each dataset once, by hard links as HDF5 visits them, then what only soft and external
+    links lead to, and links that lead nowhere; any other path that leads to one may be asked for.
+
+    Parameters
+    ----------
+    source : Source
+    tried : bool
+        Whether it is known that HDF5 can open them all.
+
+    Raises
+    ------
+    SceneError
+        If it is no HDF5 file, or one that is broken.
+    StreamError
+        If the system refuses to read it.
+    """
+
+    def __init__(self, source: Source, *, tried: bool = False) -> None:
+        self._source = source
+        self._tried = tried
+        self._origins = Origins()
+        try:
+            self._file = opened(source.name)
+        except Exception as error:  # h5py has them of every kind for files that are broken
+            raise failure(source, error, "an HDF5 file") from error
+        self._listed: dict[str, None] = {}
+        try:
+            self._list()
+        except Exception as error:
+            self.close()
+            raise failure(source, error, "datasets") from error
+
+    def close(self) -> None:
+        """Close all files."""
+        self._origins.close()
+        self._file.close()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._listed)
+
+    def __len__(self) -> int:
+        return len(self._listed)
+
+    def __contains__(self, name: object) -> bool:
+        if name in self._listed:
+            return True
+        try:
+            return isinstance(name, str) and self._found(name) is not None
+        except SceneError:  # a link leads nowhere, which is told of when it is followed
+            return True
+
+    def __getitem__(self, name: str) -> Array:
+        found = self._found(name)
+        if found is None:
+            raise KeyError(name)
+        dataset, path = found
+        whole = name.removesuffix("/".join(path)).rstrip("/") if path else name
+        place = printable(whole)
+        try:
+            self._origins.add(dataset, f"{self._source.name}: {place}")
+        except Exception as error:
+            raise failure(self._source, error, "all that it is made of", f"{place}: ") from error
+        array = Dataset(self._source, whole, h5py.Dataset(dataset), self._origins)
+        return Field(array, path) if path else array
+
+    def _list(self) -> None:
+        """Find the names of all datasets: what only links lead to comes last."""
+        seen: set[tuple[int, int]] = set()
+        files: dict[int, Any] = {}  # open, so that one that is linked twice is the same
+        hard = [""]
+        linked: deque[str] = deque()
+        while hard or linked:
+            path, follows = (hard.pop(), False) if hard else (linked.popleft(), True)
+            thing = self._opened(path, follows)
+            info = None if thing is None else h5o.get_info(thing)
+            if info is None:
+                self._listed[path] = None
+            elif (info.fileno, info.addr) not in seen:
+                seen.add((info.fileno, info.addr))
+                files.setdefault(info.fileno, h5i.get_file_id(thing))
+                inner, outer = links_of(thing)
+                if not self._tried and self._is_unclear(thing, inner, outer):
+                    try_file(self._source.name)
+                    self._tried = True
+                hard.extend(within(path, name) for name in reversed(inner))
+                linked.extend(within(path, name) for name in outer)
+                self._listed.update(dict.fromkeys(names_of(path, thing)))
+
+    def _is_unclear(self, group: Any, inner: list[str], outer: list[str]) -> bool:
+        """Whether a group's links may lead to a virtual dataset, here or in another file."""
+        if any(group.links.get_info(os.fsencode(name)).type != h5l.TYPE_SOFT for name in outer):
+            return True
+        plist = self._file.id.get_create_plist()
+        known, begin = plist.get_sizes() == (8, 8), plist.get_userblock()
+        infos = (h5o.get_info(group, os.fsencode(name)) for name in inner)
+        return any(
+            not known or may_be_virtual(self._source, begin + info.addr)
+            for info in infos
+            if info.type == h5o.TYPE_DATASET
+        )
+
+    def _opened(self, path: str, follows: bool) -> Any:
+        """What is at a path, or None where a link to follow leads nowhere."""
+        try:
+            return h5o.open(self._file.id, os.fsencode(path or "/"))
+        except Exception:  # of every kind
+            if follows:
+                return None
+            raise
+
+    def _found(self, name: str) -> tuple[Any, Path] | None:
+        """The dataset that a path leads to, and the way on to a field of it.
+
+        Raises
+        ------
+        SceneError
+            If a link on the way leads nowhere.
+        """
+        try:
+            return self._followed(name.split("/"))
+        except Exception as error:
+            expected, place = "a dataset", f"{printable(name)}: "
+            raise failure(self._source, error, expected, place) from error
+
+    def _followed(self, parts: list[str]) -> tuple[Any, Path] | None:
+        """The same, of a path that is cut at its slashes."""
+        at = h5o.open(self._file.id, b"/")
+        for k, part in enumerate(parts):
+            if isinstance(at, h5d.DatasetID):
+                return field_at(at, "/".join(parts[k:]))
+            name = os.fsencode(part)
+            if not isinstance(at, h5g.GroupID) or not name or b"\0" in name:
+                return None
+            if not at.links.exists(name):
+                return None
+            at = self._step(at, name, "/".join(parts[: k + 1]))
+        return (at, ()) if isinstance(at, h5d.DatasetID) else None
+
+    def _step(self, group: Any, name: bytes, path: str) -> Any:
+        """What a group has by a name."""
+        try:
+            return h5o.open(group, name)
+        except Exception as error:
+            if group.links.get_info(name).type == h5l.TYPE_HARD or refusal_of(error):
+                raise
+            raise SceneError(
+                f"{self._source.name}: {printable(path)}: found a link to "
+                f"{target_of(group.links.get_val(name))}, which leads nowhere, expected a dataset"
+            ) from error
+
+
+def target_of(link: bytes | tuple[bytes, bytes]) -> str:
+    """Where a soft or an external link leads, as an error shows it."""
+    if isinstance(link, tuple):
+        file, path = map(os.fsdecode, link)
+        return f"{path!r} in the file {file!r}"
+    return repr(os.fsdecode(link))
+
+
+def field_at(dataset: Any, name: str) -> tuple[Any, Path] | None:
+    """A dataset and the way to a field of it, if it has one of that name."""
+    fields = {"/".join(path): path for path in fields_of(dataset)}
+    return (dataset, fields[name]) if name in fields else None
+
+
+def fields_of(dataset: Any) -> list[Path]:
+    """The fields of a dataset's records; none where they are numbers, or of an unknown type."""
+    try:
+        return paths_of(dataset.dtype)
+    except Exception:  # it may be in nobody's way
+        return []
+
+
+def links_of(thing: Any) -> tuple[list[str], list[str]]:
+    """The names of a group's hard links, and of all others; none of what is no group."""
+    inner: list[str] = []
+    outer: list[str] = []
+    for name in thing if isinstance(thing, h5g.GroupID) else ():
+        is_hard = thing.links.get_info(name).type == h5l.TYPE_HARD
+        (inner if is_hard else outer).append(os.fsdecode(name))
+    return inner, outer
+
+
+def names_of(path: str, thing: Any) -> list[str]:
+    """The names of the arrays that a dataset is: its own, or those of its fields.
+
+    A virtual one is not asked for its shape, for which HDF5 might look into other files.
+    """
+    if not isinstance(thing, h5d.DatasetID):
+        return []
+    if thing.get_create_plist().get_layout() != h5d.VIRTUAL and not thing.shape:
+        return []  # one number, or nothing
+    fields = fields_of(thing)
+    return [within(path, "/".join(field)) for field in fields] or [path]

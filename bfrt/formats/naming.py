@@ -1,0 +1,228 @@
+"""What a file's arrays are, by their names: which are a mesh, positions, radii, colors.
+
+A name's last part counts, in any case; the part before, its folder, tells what belongs together:
+
+::
+
+    positions       PartType0/Coordinates     all/position/value (H5MD)   e/position/x y z (openPMD)
+    a column of it  PartType0/Masses          all/mass/value              e/weighting
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from bfrt.errors import SceneError, SettingError
+from bfrt.formats.table import Array, Arrays, Rows, abreast, level, listed
+
+#: Names that positions go by.
+CENTERS = (
+    "centers", "positions", "points", "coordinates", "pos", "coords", "xyz", "position",
+)  # fmt: skip
+RADII = ("radii", "radius")
+COLORS = ("colors", "rgb", "color")
+
+#: Names of three columns that are positions, or colors.
+AXES = (("x", "y", "z"),)
+CHANNELS = (("red", "green", "blue"), ("r", "g", "b"))
+
+#: What H5MD calls an array, which its folder is named for.
+VALUE = "value"
+
+
+def folder_of(key: str) -> str:
+    """The part of a key before the last slash."""
+    return key.rpartition("/")[0]
+
+
+def within(folder: str, name: str) -> str:
+    """The key of a name in a folder."""
+    return f"{folder}/{name}" if folder else name
+
+
+def name_of(key: str) -> str:
+    """What a key's array is called: of H5MD's values their folder's name."""
+    folder, _, name = key.rpartition("/")
+    return (folder.rpartition("/")[2] if name == VALUE else name).lower()
+
+
+def called(arrays: Arrays, names: Iterable[str]) -> list[str]:
+    """The keys of arrays that go by one of some names."""
+    return [key for key in arrays if name_of(key) in names]
+
+
+def homes(near: str) -> Iterator[str]:
+    """The folders where what belongs to an array is: its own, and the one around where its folder
+    is named for it, as in H5MD and openPMD."""
+    folder = folder_of(near)
+    yield folder
+    if folder.rpartition("/")[2].lower() in CENTERS:
+        yield folder_of(folder)
+
+
+def beside(arrays: Arrays, names: Iterable[str], near: str) -> list[str]:
+    """The keys of arrays that go by one of some names and belong to another, the nearest first."""
+    there = called(arrays, names)
+    return [key for home in homes(near) for key in there if home == home_of(key)]
+
+
+def home_of(key: str) -> str:
+    """The folder that an array is in: of H5MD's values the one around their own."""
+    folder, _, name = key.rpartition("/")
+    return folder_of(folder) if name == VALUE else folder
+
+
+def named(arrays: Arrays, name: str, file: str, setting: str, near: str = "") -> str:
+    """The key of the array of a name: beside another, or by its whole name.
+
+    Raises
+    ------
+    SettingError
+        If there is none.
+    """
+    for key in keys_of(name, near):
+        if key in arrays:
+            return key
+    raise SettingError(
+        f"{file}: found no array {name!r} for {setting}, expected one of {listed(arrays)}"
+    )
+
+
+def keys_of(name: str, near: str) -> Iterator[str]:
+    """The keys that a name may stand for."""
+    there = [within(home, name) for home in homes(near)]
+    for key in (*there, name, name.lstrip("/")):
+        yield key
+        yield f"{key}/{VALUE}"
+
+
+def three(arrays: Arrays, folder: str, names: tuple[tuple[str, ...], ...]) -> list[str]:
+    """The keys of three columns in a folder, all in small letters, in capitals, or like Names."""
+    for group in names:
+        for form in (str.lower, str.upper, str.capitalize):
+            keys = [within(folder, form(name)) for name in group]
+            if all(key in arrays for key in keys):
+                return keys
+    return []
+
+
+def folders_of_three(arrays: Arrays) -> list[str]:
+    """The folders that have x, y and z."""
+    folders = (folder_of(key) for key in arrays if key.rpartition("/")[2] in ("z", "Z"))
+    return [folder for folder in dict.fromkeys(folders) if three(arrays, folder, AXES)]
+
+
+def mesh_in(file: str, arrays: Arrays) -> list[str]:
+    """The keys of vertices and of faces, which are in one folder; none where there are none.
+
+    Raises
+    ------
+    SceneError
+        If several folders have them, but not the outermost.
+    """
+    vertices, faces = called(arrays, ("vertices",)), called(arrays, ("faces",))
+    pairs = ([v, f] for v in vertices for f in faces if folder_of(v) == folder_of(f))
+    return the_one(file, arrays, {folder_of(pair[0]): pair for pair in pairs})
+
+
+def triangles_in(file: str, arrays: Arrays) -> list[str]:
+    """The key of triangles; none where there are none.
+
+    Raises
+    ------
+    SceneError
+        If several folders have them, but not the outermost.
+    """
+    found = called(arrays, ("triangles",))
+    return the_one(file, arrays, {folder_of(key): [key] for key in found})
+
+
+def the_one(file: str, arrays: Arrays, found: dict[str, list[str]]) -> list[str]:
+    """The keys in the outermost folder, or in the only one; none where there is none."""
+    if len(found) > 1 and "" not in found:
+        keys = [key for keys in found.values() for key in keys]
+        raise SceneError(
+            f"{file}: found {listed(arrays, keys)}, expected one mesh, or positions= with the "
+            "name of points"
+        )
+    return found.get("") or next(iter(found.values()), [])
+
+
+def positions_in(file: str, arrays: Arrays) -> list[str]:
+    """The keys of the only positions: of one array, or of three columns.
+
+    Raises
+    ------
+    SceneError
+        If there are none, or several.
+    """
+    known = ("spheres", *CENTERS)
+    triples = {folder: three(arrays, folder, AXES) for folder in folders_of_three(arrays)}
+    found = [[key] for key in called(arrays, known)]
+    found += [triples[folder] for folder in triples if name_of(folder) in known]
+    if len(found) > 1:
+        found = [keys for keys in found if len(keys) == 3 or is_points(arrays[keys[0]])] or found
+    elif not found:
+        found = [keys for keys in triples.values() if all(is_column(arrays[k]) for k in keys)]
+    if len(found) != 1:
+        there = [key for keys in found for key in keys] or None
+        raise SceneError(
+            f"{file}: found {listed(arrays, there)}, expected one array named as one of "
+            f"{', '.join(known)}, or x, y and z, or vertices and faces, or positions= with its name"
+        )
+    return found[0]
+
+
+def positions_named(file: str, arrays: Arrays, name: str) -> list[str]:
+    """The keys of the positions that a setting names: of one array, or of three in a folder.
+
+    Raises
+    ------
+    SettingError
+        If there are none.
+    """
+    columns = three(arrays, name.strip("/"), AXES)
+    return columns or [named(arrays, name, file, "positions")]
+
+
+def colors_in(file: str, arrays: Arrays, near: str) -> Rows:
+    """The colors that belong to an array, or the only ones.
+
+    Raises
+    ------
+    SettingError
+        If there are none, or several.
+    """
+    anywhere = called(arrays, COLORS)
+    found = [[key] for key in beside(arrays, COLORS, near)]
+    found = found or [keys for home in homes(near) if (keys := three(arrays, home, CHANNELS))][:1]
+    found = found or [[key] for key in anywhere]
+    if len(found) != 1:
+        raise SettingError(
+            f"{file}: found {listed(arrays, anywhere or None)}, expected one array of colors "
+            f"(n, 3), named as one of {', '.join(COLORS)}, or red, green and blue"
+        )
+    return joined(arrays, found[0])
+
+
+def joined(arrays: Arrays, keys: list[str]) -> Rows:
+    """The array of a key, or those of several as its columns."""
+    if len(keys) == 1:
+        return level(arrays[keys[0]], 2)
+    return abreast([level(arrays[key], 1) for key in keys])
+
+
+def is_rows(array: Rows, *columns: int) -> bool:
+    """Whether it has rows of so many numbers."""
+    return len(array.shape) == 2 and array.shape[1] in columns and array.dtype.kind in "fiub"
+
+
+def is_points(array: Array) -> bool:
+    """Whether it may be positions, or frames or a map of them."""
+    rows = len(array.shape) in (2, 3) and array.shape[-1] in (3, 4)
+    return rows and array.dtype.kind in "fiub"
+
+
+def is_column(array: Array) -> bool:
+    """Whether it may be a column."""
+    return len(array.shape) == 1 and array.dtype.kind in "fiub"

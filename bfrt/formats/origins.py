@@ -1,0 +1,242 @@
+"""Where the rows of an HDF5 dataset come from: its own file, or those that it is virtual over.
+
+::
+
+    virtual ──► part0.h5: a ──► numbers
+            └─► part1.h5: a ──► virtual ──► ...
+
+HDF5 reads what is missing there as zeros, and what is made of itself until the stack ends. So all
+that rows come from is opened before the first is read, and is open until the last: nothing is
+missing then.
+"""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+from h5py import h5d, h5f, h5i, h5o, h5s
+
+from bfrt.errors import SceneError, ShortReadError, StreamError
+
+#: Virtual datasets over virtual ones, at the most.
+DEEPEST = 16
+
+#: The variable that has the folders where HDF5 looks for such files first.
+PREFIXES = "HDF5_VDS_PREFIX"
+
+
+def opened(file: str) -> Any:
+    """An HDF5 file to read, whoever may be writing it."""
+    return h5py.File(os.fsencode(file), "r", locking=False)
+
+
+#: What HDF5 says where the system refuses to open or to read a file.
+REFUSED = {
+    "opening": r"unable to open file: name = '(.*?)', errno = (\d+),()",
+    "reading": r"file read failed: .*filename = '(.*?)', .* errno = (\d+), .* offset = (\d+)",
+}
+
+
+def refusal_of(error: Exception) -> StreamError | None:
+    """What the system refused, where that is why HDF5 has an error."""
+    said = " ".join(map(str, error.args))
+    for doing, pattern in REFUSED.items():
+        if found := re.search(pattern, said, re.DOTALL):
+            file, errno, offset = found.groups()
+            return StreamError(file, int(offset or 0), int(errno), doing)
+    return None
+
+
+class Opened(NamedTuple):
+    """A file that rows come from, as it was when it was opened."""
+
+    name: str
+    size: int
+    id: Any
+
+
+class Part(NamedTuple):
+    """A part of a virtual dataset: where its rows are, and how many there have to be.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        That the rows' dataset has at the least; empty for any.
+    """
+
+    file: str
+    name: str
+    shape: tuple[int, ...]
+
+
+class Origins:
+    """The files that datasets are made of, open."""
+
+    def __init__(self) -> None:
+        self._files: dict[int, Opened] = {}
+        self._named: dict[str, Any] = {}
+        self._whole: set[tuple[int, int]] = set()
+
+    def add(self, dataset: Any, place: str, outer: tuple[tuple[int, int], ...] = ()) -> None:
+        """Open all that a dataset's rows come from.
+
+        Parameters
+        ----------
+        dataset : h5py.h5d.DatasetID
+        place : str
+            Of the dataset, for errors.
+        outer : tuple
+            The virtual datasets that are made of this one.
+
+        Raises
+        ------
+        SceneError
+            If something is missing, or it is made of itself, or of files that are no HDF5.
+        OSError
+            If the system refuses to open or read what is there.
+        """
+        info, plist = h5o.get_info(dataset), dataset.get_create_plist()
+        key = info.fileno, info.addr
+        if plist.get_external_count():
+            raise SceneError(
+                f"{place}: found rows kept outside of HDF5 (external storage), expected them in "
+                "HDF5 files"
+            )
+        if key in outer or len(outer) == DEEPEST:
+            raise SceneError(
+                f"{place}: found a virtual dataset over itself, or over more than {DEEPEST} "
+                "others, one over another, expected fewer, and numbers in the last"
+            )
+        if key in self._whole:
+            return
+        home = self._hold(h5i.get_file_id(dataset))
+        if plist.get_layout() == h5d.VIRTUAL:
+            for k in range(plist.get_virtual_count()):
+                self._add_parts(plist, k, home, place, (*outer, key))
+        self._whole.add(key)
+
+    def check_sizes(self) -> None:
+        """Refuse a file that ends before it did: HDF5 reads what is missing as zeros.
+
+        Raises
+        ------
+        ShortReadError
+        """
+        for descriptor, file in self._files.items():
+            left = os.fstat(descriptor).st_size
+            if left < file.size:
+                raise ShortReadError(file.name, left, file.size - left, 0)
+
+    def close(self) -> None:
+        """Close all files."""
+        for held in (*self._named.values(), *(file.id for file in self._files.values())):
+            held.close()
+        self._named.clear()
+        self._files.clear()
+
+    def _hold(self, file: Any) -> Opened:
+        """Keep a file open; returns what is known of it."""
+        descriptor = file.get_vfd_handle()
+        if descriptor not in self._files:
+            size = os.fstat(descriptor).st_size
+            self._files[descriptor] = Opened(os.fsdecode(h5f.get_name(file)), size, file)
+        return self._files[descriptor]
+
+    def _add_parts(self, plist: Any, k: int, home: Opened, place: str, outer: Any) -> None:
+        """Open what a mapping leads to."""
+        for number, part in enumerate(parts_of(plist, k)):
+            found = self._found(part, home)
+            if found is None and number:
+                return
+            if found is None:
+                raise SceneError(
+                    f"{place}: found no dataset {part.name!r} in an HDF5 file {part.file!r}, "
+                    "expected one, which its rows are of"
+                )
+            self.add(found, place, outer)
+            check_shape(found, part, place)
+
+    def _found(self, part: Part, home: Opened) -> Any:
+        """The dataset that has a part's rows, or None."""
+        file = home.id if part.file == "." else self._file(part.file, home.name)
+        try:
+            found = None if file is None else h5o.open(file, os.fsencode(part.name))
+        except KeyError as error:
+            if refusal_of(error):
+                raise
+            return None
+        return found if isinstance(found, h5d.DatasetID) else None
+
+    def _file(self, name: str, home: str) -> Any:
+        """The file that HDF5 finds by a name, or None."""
+        refused = None
+        for path in paths_of(name, home):
+            if path not in self._named:
+                try:
+                    self._named[path] = opened(path)
+                except OSError as error:  # HDF5 looks on too
+                    if error.errno not in (None, errno.ENOENT):
+                        refused = error
+                    continue
+            return self._named[path].id
+        if refused is not None:
+            raise refused
+        return None
+
+
+def check_shape(dataset: Any, part: Part, place: str) -> None:
+    """Refuse a dataset that has fewer rows than a part needs."""
+    shape = dataset.shape
+    same = len(part.shape) in (0, len(shape))
+    if not same or any(there < least for there, least in zip(shape, part.shape, strict=False)):
+        raise SceneError(
+            f"{place}: found {part.name!r} of shape {shape} in {part.file!r}, expected "
+            f"{part.shape} or more, which its rows are of"
+        )
+
+
+def parts_of(plist: Any, k: int) -> Iterator[Part]:
+    """The parts that a mapping has: one, or for a pattern of names any number of them."""
+    file, name = plist.get_virtual_filename(k), plist.get_virtual_dsetname(k)
+    if "%b" in file + name:
+        for block in itertools.count():
+            yield Part(numbered(file, block), numbered(name, block), ())
+    else:
+        yield Part(file, name, least_shape(plist, k))
+
+
+def numbered(pattern: str, block: int) -> str:
+    """A name as HDF5 makes it of a pattern."""
+    return "%".join(piece.replace("%b", str(block)) for piece in pattern.split("%%"))
+
+
+def least_shape(plist: Any, k: int) -> tuple[int, ...]:
+    """The shape that the rows' dataset of a part has at the least; empty for any."""
+    space = plist.get_virtual_srcspace(k)
+    if space.get_select_type() not in (h5s.SEL_HYPERSLABS, h5s.SEL_POINTS):
+        return ()
+    if space.is_regular_hyperslab() and h5s.UNLIMITED in itertools.chain(
+        *space.get_regular_hyperslab()
+    ):
+        return ()
+    return tuple(last + 1 for last in space.get_select_bounds()[1])
+
+
+def paths_of(name: str, home: str) -> Iterator[str]:
+    """Where HDF5 looks for a file that one at `home` names, in its order."""
+    folder = Path(home).absolute().parent
+    if Path(name).is_absolute():
+        yield name
+        name = Path(name).name
+    for prefix in filter(None, os.environ.get(PREFIXES, "").split(os.pathsep)):
+        yield str(Path(prefix.replace("${ORIGIN}", str(folder))) / name)
+    yield str(folder / name)
+    yield name
+    yield str(Path(home).resolve().parent / name)

@@ -1,0 +1,107 @@
+"""What a conversion takes of its memory budget, and the room that it leaves for a mesh's vertices.
+
+Beside the process there are blocks: those that are read, that objects are made of, that wait for
+threads, and that are written. They are of fixed sizes, and a small file does not fill them::
+
+    memory = BASELINE + libraries + blocks, at most GROWTH times the file + room
+"""
+
+from __future__ import annotations
+
+import math
+import stat
+from pathlib import Path
+from typing import NamedTuple
+
+from bfrt.memory import BASELINE, format_memory
+from bfrt.errors import BudgetError
+
+#: The fewest bytes of vertices that are worth a pass over a mesh that has more of them.
+FEWEST = 8 << 20
+
+#: What blocks and vertices take, at the most, for one byte of a file.
+GROWTH = 64
+VERTICES = 8
+
+
+#: What the most colors take that a file of its own colors has.
+COLORS = 32 << 20
+
+
+class Taken(NamedTuple):
+    """Bytes that a format takes, beside the process.
+
+    Attributes
+    ----------
+    blocks : int
+        Where the file fills them.
+    library : int
+        That reads it.
+    fewest : int
+        The least room.
+    packed : bool
+        Whether a file holds more than its bytes tell.
+    """
+
+    blocks: int
+    library: int = 0
+    fewest: int = 0
+    packed: bool = False
+
+
+OBJECTS = Taken(48 << 20)
+MESH = Taken(84 << 20, fewest=FEWEST)
+HDF5 = MESH._replace(library=12 << 20, packed=True)
+LAS = OBJECTS._replace(library=4 << 20)
+
+#: By suffix; all others have objects as they are.
+FORMATS = {
+    ".ply": MESH,
+    ".obj": MESH,
+    ".npz": MESH._replace(packed=True),
+    ".h5": HDF5,
+    ".hdf5": HDF5,
+    ".las": LAS,
+    ".laz": LAS._replace(packed=True),
+}
+
+
+def room_for(name: str, memory: int, size: int | None = None, *, colored: bool = False) -> int:
+    """The bytes that a file's conversion leaves of a budget.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, or of what it is converted from.
+    memory : int
+        Bytes that the whole process may take.
+    size : int, optional
+        Bytes that are converted, where they are no file's.
+    colored : bool
+        Whether the file's own colors are taken.
+
+    Raises
+    ------
+    BudgetError
+        If that is less than the least that works, which the message names.
+    """
+    taken = FORMATS.get(Path(name).suffix.lower(), OBJECTS)
+    full = math.inf if taken.packed else size_of(name) if size is None else size
+    most = taken.blocks + (COLORS if colored else 0)
+    blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
+    least = blocks + int(min(taken.fewest, VERTICES * full))
+    if memory < least:
+        raise BudgetError(
+            f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more to convert "
+            f"{name}"
+        )
+    return memory - blocks
+
+
+def size_of(name: str) -> float:
+    """A file's bytes; of what is none, such as a pipe, nobody knows."""
+    try:
+        found = Path(name).stat()
+    except (OSError, ValueError):  # which its reader tells
+        return 0 if name != "-" else math.inf
+    return found.st_size if stat.S_ISREG(found.st_mode) else math.inf
