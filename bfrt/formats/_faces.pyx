@@ -94,12 +94,23 @@ def bent(const number[:, ::1] corners, const uint32_t[::1] counts, double part, 
     out = found.view(np.uint8)
     with nogil:
         for face in range(counts.shape[0]):
-            if counts[face] == 4:  # for which the compiler unrolls the loops
-                out[face] = is_bent(corners, first, 4, part, rounding)
-            elif counts[face] > 4:
+            if counts[face] > 4 or counts[face] == 4 and not is_level(corners, first, rounding):
                 out[face] = is_bent(corners, first, counts[face], part, rounding)
             first += counts[face]
     return found
+
+
+cdef inline bint is_level(const number[:, ::1] corners, Py_ssize_t first,
+                          double rounding) noexcept nogil:
+    """Whether a quadrilateral is as flat as its first corner is rounded, which most are.
+
+    Its normal is square to both diagonals, so that each corner is as far off as any other.
+    """
+    cdef Vec a = at(corners, first)
+    cdef Vec b = at(corners, first + 1)
+    cdef Vec n = cross(sub(at(corners, first + 2), a), sub(at(corners, first + 3), b))
+    cdef double coordinates = fabs(n.x * a.x) + fabs(n.y * a.y) + fabs(n.z * a.z)
+    return fabs(dot(sub(b, a), n)) <= 2.0 * rounding * coordinates
 
 
 cdef inline bint is_bent(const number[:, ::1] corners, Py_ssize_t first, uint32_t count,
