@@ -21,11 +21,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.memory import format_memory
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats.outlet import Outlet, cast
 from bfrt.formats.reading import PAINTED
-from bfrt.memory import BASELINE, format_memory
+from bfrt.memory import format_memory
 from bfrt.streams.spool import Spool
 
 #: Vertices of a queue that are looked up at once.

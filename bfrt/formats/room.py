@@ -13,8 +13,8 @@ import stat
 from pathlib import Path
 from typing import NamedTuple
 
-from bfrt.memory import BASELINE, format_memory
 from bfrt.errors import BudgetError
+from bfrt.memory import BASELINE, format_memory
 
 #: The fewest bytes of vertices that are worth a pass over a mesh that has more of them.
 FEWEST = 8 << 20

@@ -37,7 +37,6 @@ from bfrt.formats.mesh import (
     once_each,
     parts,
 )
-from bfrt.memory import format_memory, parse_memory
 from bfrt.store.store import open_store
 
 

@@ -13,9 +13,9 @@ from memory_cap import run_in
 from meshes import convert, failure
 
 import bfrt
-from bfrt.memory import BASELINE, parse_memory
 from bfrt.errors import BudgetError
 from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, OBJECTS, room_for
+from bfrt.memory import BASELINE, parse_memory
 
 SUFFIXES = ("nff", "stl", "npy", "ply", "obj")
 
