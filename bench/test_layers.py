@@ -13,8 +13,8 @@ import pytest
 
 import bfrt
 from bfrt.formats.nff import read_nff
-from bfrt.geometry.lattice import Lattice
-from bfrt.phases.picking import by_object
+from bfrt.grid.grid import Grid
+from bfrt.phases.hit_order import by_object
 from bfrt.records import HIT, SCALARS, Kind
 from bfrt.reference._kernels import meet, spans
 from bfrt.store.columns import prepare
@@ -60,8 +60,8 @@ def lines(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.benchmark(group="a walk through 256 voxels an axis")
 def test_walk(benchmark: Any) -> None:
-    lattice = Lattice((-1, -1, -1), (1, 1, 1), (256, 256, 256), 2.0**-30)
-    steps = benchmark(lambda: len(lattice.walk((-3.0, -2.9, -3.1), (1.0, 0.9, 1.02))))
+    grid = Grid((-1, -1, -1), (1, 1, 1), (256, 256, 256), 2.0**-30)
+    steps = benchmark(lambda: len(grid.walk((-3.0, -2.9, -3.1), (1.0, 0.9, 1.02))))
     assert steps > 256
 
 

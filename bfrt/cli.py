@@ -33,7 +33,7 @@ from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
 from bfrt.store.model import Camera
 from bfrt.store.store import Store, bounds_to, open_store
-from bfrt.streams.aside import aside
+from bfrt.streams.atomic_write import aside
 from bfrt.view import aovs_of
 
 BAD_INPUT = 1

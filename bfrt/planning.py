@@ -16,13 +16,13 @@ import numpy as np
 
 from bfrt.budget import Capacities
 from bfrt.phases.eye import count_eye_rays
-from bfrt.phases.partition import partition_of, subspaces
-from bfrt.phases.preprocess import lattice_of, layout_of
-from bfrt.phases.slabs import Slabs, cuts_of
+from bfrt.grid.partition import partition_of, subspaces
+from bfrt.phases.preprocess import grid_of, layout_of
+from bfrt.grid.slabs import Slabs, cuts_of
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, Kind
 from bfrt.settings import Refinement, Settings
-from bfrt.store.marks import BRICK_BYTES, marks_path, open_marks
+from bfrt.grid.marks import BRICK_BYTES, marks_path, open_marks
 from bfrt.store.store import Group, Store
 from bfrt.view import View
 
@@ -44,7 +44,7 @@ def plan_of(store: Store, view: View, settings: Settings, held: Capacities) -> P
 
 def _grid_plan(store: Store, group: Group, held: Capacities, settings: Settings) -> GridPlan:
     cut = partition_of(group, held.limits)
-    layered = lattice_of(store, group, cut.shape, cut.axis).layered
+    layered = grid_of(store, group, cut.shape, cut.axis).layered
     layout = layout_of(group, cut, settings.refinement.hierarchy)
     path = marks_path(store, group, settings.scratch_beside(store.path))
     marks = None if settings.fresh_marks else open_marks(path, store, layout)

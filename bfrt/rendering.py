@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Iterable
 
-from bfrt.image.canvas import Canvas
+from bfrt.image.image_buffer import Canvas
 from bfrt.image.film import Film
 from bfrt.image.picture import Image
 from bfrt.progress import Report

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import NO_FRAME, Capacities, capacities
 from bfrt.framing import framing_camera as framing_camera_of
+from bfrt.grid.marks import verify_marks
 from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
 from bfrt.planned import Plan
@@ -163,6 +164,8 @@ class Scene:
             For the first file that differs from what was written, marks included.
         """
         self.store.verify()
+        for group in self.store.groups:
+            verify_marks(self.store, group)
 
     def __enter__(self) -> Scene:
         return self

@@ -22,8 +22,8 @@ import numpy as np
 
 from bfrt.budget import Capacities
 from bfrt.image.film import Film
-from bfrt.phases.crossings import Crossings
-from bfrt.phases.field import Field
+from bfrt.phases.all_hits import Crossings
+from bfrt.traced_group import Field
 from bfrt.phases.traversal import Ends, Flight, Queue, Sink
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans

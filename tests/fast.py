@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import Capacities
 from bfrt.image.film import Film
-from bfrt.phases.partition import Limits
+from bfrt.grid.partition import Limits
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
 from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects

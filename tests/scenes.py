@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Rays = tuple[Array, Array]
 
 EVERY_KIND = tuple(Kind)
-LATTICE = 8  # cells an axis of the scene on a lattice
+LATTICE = 8  # cells an axis of the scene on a grid
 
 
 # --- scenes ------------------------------------------------------------------------------------
@@ -103,7 +103,7 @@ def hard_scenes(rng: np.random.Generator) -> dict[str, Objects]:
         "overlapping": random_objects(rng, 2000, spread=1.0, size=1.0),
         "twice the same": twice(random_objects(rng, 200)),
         "flat": flat_scene(rng, 300),
-        "lattice": lattice_scene(rng),
+        "grid": lattice_scene(rng),
         "far from the origin": moved(random_objects(rng, 300), np.array([5e5, 4.5e6, -120.0])),
     }
 
@@ -130,7 +130,7 @@ def flat_scene(
 
 
 def lattice_scene(rng: np.random.Generator) -> Objects:
-    """Objects of the unit cube whose boxes begin and end on a lattice: on voxels' walls, likely.
+    """Objects of the unit cube whose boxes begin and end on a grid: on voxels' walls, likely.
 
     Every coordinate is a multiple of 1/16, so a float32 holds it.
     """

@@ -10,7 +10,7 @@ import pytest
 
 import bfrt
 from bfrt import records
-from bfrt.geometry.lattice import Lattice
+from bfrt.grid.grid import Grid
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
 from bfrt.phases._traversal import RayPool
@@ -69,8 +69,8 @@ def test_struct_is_its_dtype(name):
 
 
 def settled(hits):
-    lattice = Lattice((0, 0, 0), (1, 1, 1), (1, 1, 1), 0.0)
-    RayPool(1, 1).settle(0, 0, lattice, Film(1, 1, 1), np.zeros(3), hits)
+    grid = Grid((0, 0, 0), (1, 1, 1), (1, 1, 1), 0.0)
+    RayPool(1, 1).settle(0, 0, grid, Film(1, 1, 1), np.zeros(3), hits)
 
 
 def test_the_compiler_agrees():

@@ -44,7 +44,7 @@ from bfrt.formats.naming import (
     positions_named,
     triangles_in,
 )
-from bfrt.formats.outlet import Outlet
+from bfrt.formats.object_writer import Outlet
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import PAINTED, POINTS, RGB, Reading
 from bfrt.formats.table import Array, Arrays, Rows, floats, level, wrong

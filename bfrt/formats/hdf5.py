@@ -6,7 +6,7 @@ from contextlib import closing
 
 from bfrt.errors import SettingError
 from bfrt.formats.arrays import write_arrays
-from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.object_writer import Outlet, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report, Source
 

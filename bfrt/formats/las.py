@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import full_of
 from bfrt.formats.laz import LasSource, asking, backend_for
-from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.object_writer import Outlet, SceneSink
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, printable

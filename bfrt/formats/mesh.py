@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import BudgetError, SceneError
-from bfrt.formats.outlet import Outlet, cast
+from bfrt.formats.object_writer import Outlet, cast
 from bfrt.formats.reading import PAINTED
 from bfrt.memory import format_memory
 from bfrt.streams.spool import Spool

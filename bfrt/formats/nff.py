@@ -47,7 +47,7 @@ from bfrt.formats._nff import (
     Parser,
 )
 from bfrt.formats.encoding import Decoder
-from bfrt.formats.outlet import SceneSink
+from bfrt.formats.object_writer import SceneSink
 from bfrt.records import Kind
 from bfrt.store.model import Camera, Light, Material, Vector
 

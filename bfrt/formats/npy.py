@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bfrt.errors import BfrtError, SceneError, ShortReadError
 from bfrt.formats.arrays import write_arrays
 from bfrt.formats.naming import CENTERS, within
-from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.object_writer import Outlet, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report, Source, printable, said
 from bfrt.formats.table import Array, Lazy, level, openers_of

@@ -20,7 +20,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.formats._obj import MOST_CORNERS, Fault, Lines, Statement
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
-from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.object_writer import Outlet, SceneSink
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import POINTS, RGB, Reading
 from bfrt.formats.source import Report, Source, shown

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats._ply import MOST_CORNERS, MOST_PROPERTIES, Fault, Rows
 from bfrt.formats.mesh import Faces, write_mesh
-from bfrt.formats.outlet import Outlet, SceneSink, cast
+from bfrt.formats.object_writer import Outlet, SceneSink, cast
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
 from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown

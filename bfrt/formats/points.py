@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.formats.outlet import Outlet, finite
+from bfrt.formats.object_writer import Outlet, finite
 
 #: Points that are read at once.
 BLOCK = 1 << 16

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
 from bfrt.formats._stl import Facets
-from bfrt.formats.outlet import Outlet, SceneSink
+from bfrt.formats.object_writer import Outlet, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import PADDING, Report, Source, shown
 

@@ -27,6 +27,11 @@ cdef extern from *:
     """
     float below "bfrt_below"(double x) noexcept nogil
 
+# The sides of a box: LOW + axis, HIGH + axis.
+cdef enum:
+    LOW = 0
+    HIGH = 3
+
 cdef packed struct Box:
     float lo[3]
     float hi[3]

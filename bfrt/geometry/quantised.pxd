@@ -17,7 +17,7 @@ from libc.stdint cimport uint8_t
 from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, above, box_empty
-from bfrt.geometry.eight cimport SIDES, Eight
+from bfrt.geometry.packet cimport SIDES, Eight
 
 cdef extern from *:
     """

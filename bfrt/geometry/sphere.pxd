@@ -4,7 +4,7 @@ from libc.math cimport INFINITY, fabs, sqrt
 
 from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, number, point
-from bfrt.geometry.eight cimport BOXES, Eight, eight_below, eight_clear, eight_end
+from bfrt.geometry.packet cimport BOXES, Eight, eight_below, eight_clear, eight_end
 from bfrt.geometry.vector cimport Line, Vec, along, dot, larger, scale, smaller, sub, vec
 
 cdef struct Sphere:

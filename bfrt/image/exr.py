@@ -21,7 +21,7 @@ import numpy.typing as npt
 import OpenEXR
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.streams.aside import FULL, aside, refused
+from bfrt.streams.atomic_write import FULL, aside, refused
 
 Band = Mapping[str, npt.NDArray[Any]]
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import SettingError
-from bfrt.streams.aside import aside, put
+from bfrt.streams.atomic_write import aside, put
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHUNK_BYTES = 1 << 16

@@ -4,12 +4,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.geometry.lattice import Lattice
-from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.grid.grid import Grid
+from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.scan.scan import StreamScan
 
 class Intersector:
-    def __init__(self, lattice: Lattice, voxel_rays: VoxelRays) -> None: ...
+    def __init__(self, grid: Grid, voxel_rays: VoxelRays) -> None: ...
     def begin(
         self,
         rays: NDArray[Any],

@@ -11,22 +11,20 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.bits cimport lowest_bit, ones
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
-from bfrt.geometry.eight cimport (
-    BOXES, GrownEight, Sides, Voxels, eight_empty, eight_grow, eight_span, eight_voxels, entered,
-    grown_at, range_at, sides_of,
-)
-from bfrt.geometry.grid cimport Grid, Range, entered_by, rough_range
+from bfrt.geometry.packet cimport BOXES, GrownEight, eight_empty, eight_grow, eight_span, grown_at
+from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, entered, range_at, sides_of
+from bfrt.grid.planes cimport Planes, Range, entered_by, rough_range
 from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
-from bfrt.geometry.lattice cimport Lattice
+from bfrt.grid.grid cimport Grid
 from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport Vec, vec
-from bfrt.phases.crossings cimport Found, cross, hand_over
-from bfrt.phases.delays cimport (
+from bfrt.phases.all_hits cimport Found, cross, hand_over
+from bfrt.scan.deferred cimport (
     Delays, ask_piece, delay, end_delays, full, piece_end, turn,
 )
-from bfrt.phases.nearby cimport Near, entries_within
+from bfrt.grid.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer, ray_line
-from bfrt.phases.voxel_rays cimport VoxelRays
+from bfrt.grid.voxel_rays cimport VoxelRays
 from bfrt.records cimport INDEX_BITS, POLYGON, Crossing, Delayed, Ray
 from bfrt.scan.boxes cimport BoxCursor, block_union, decode, go_to
 from bfrt.scan.geometry cimport GeometryCursor, records_of, seek_records, vertices_in
@@ -54,7 +52,7 @@ cdef struct Few:
 
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
-    const Grid* grid
+    const Planes* planes
     Sides sides
     Ray* rays
     void* scan             # a StreamScan
@@ -135,7 +133,7 @@ cdef int load(Search* s, GeometryCursor g, Delays d, const Delayed* waits,
     )
     if not d.degenerate:
         shape_bounds(&d.shape, &box)
-        box_grow(&box, s.grid.grow, &d.own)
+        box_grow(&box, s.planes.grow, &d.own)
     return 0
 
 
@@ -336,14 +334,14 @@ cdef int meet_block(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil
     block_union(w.boxes, n, &all)
     if box_empty(&all):
         return 0
-    around = rough_range(s.grid, &all)
+    around = rough_range(s.planes, &all)
     s.near.spill = NULL
     entries_within(&around, v, &s.near)
     if s.near.n == 0:
         return 0
     decode(w.boxes, n)
-    eight_grow(&w.boxes.eight, s.grid.grow, &s.grown)
-    eight_voxels(s.grid, &s.sides, &w.boxes.eight, &s.voxels)
+    eight_grow(&w.boxes.eight, s.planes.grow, &s.grown)
+    eight_voxels(s.planes, &s.sides, &w.boxes.eight, &s.voxels)
     if s.near.more:
         return meet_many(s, w, v, n)
     return meet_few(s, w, n)
@@ -355,26 +353,26 @@ cdef class Intersector:
 
     Parameters
     ----------
-    lattice : Lattice
+    grid : Grid
     voxel_rays : VoxelRays
         Where the rays of a pass are stored.
     """
 
     cdef Search search
     cdef Found found
-    cdef Lattice lattice
+    cdef Grid grid
     cdef VoxelRays voxel_rays
     cdef Delays delays
     cdef Ray[::1] rays
     cdef Crossing[::1] crossings
     cdef object emit
 
-    def __cinit__(self, Lattice lattice, VoxelRays voxel_rays):
-        self.lattice = lattice
+    def __cinit__(self, Grid grid, VoxelRays voxel_rays):
+        self.grid = grid
         self.voxel_rays = voxel_rays
         self.delays = Delays()
-        self.search.grid = &lattice.grid
-        sides_of(self.search.grid, &self.search.sides)
+        self.search.planes = &grid.planes
+        sides_of(self.search.planes, &self.search.sides)
 
     def begin(self, Ray[::1] rays, Crossing[::1] crossings=None, emit=None):
         """Begin a pass.

@@ -3,10 +3,12 @@
 from libc.stdint cimport int64_t, uint8_t
 
 from bfrt.geometry.box cimport Box
-from bfrt.geometry.eight cimport Sides, Voxels, eight_empty, eight_voxels, range_at, sides_of
-from bfrt.geometry.grid cimport HIGH, LOW, START, Grid, Range, entered_by
-from bfrt.geometry.lattice cimport Lattice
-from bfrt.phases.subspace cimport Subspace
+from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, range_at, sides_of
+from bfrt.geometry.packet cimport eight_empty
+from bfrt.geometry.box cimport HIGH, LOW
+from bfrt.grid.planes cimport START, Planes, Range, entered_by
+from bfrt.grid.grid cimport Grid
+from bfrt.grid.subspace cimport Subspace
 from bfrt.scan.boxes cimport BoxCursor, decode, go_to
 from bfrt.scan.scan cimport StreamScan, next_block
 from bfrt.streams.atomic cimport atomic_or
@@ -37,7 +39,7 @@ cdef void mark_small(Subspace s, const Range* r, uint8_t* marks) noexcept nogil:
                     atomic_or(&marks[row + x * s.stride[0]], faces)
 
 
-cdef void mark_face(const Grid* g, Subspace s, Range r, int axis, bint high,
+cdef void mark_face(const Planes* g, Subspace s, Range r, int axis, bint high,
                     uint8_t* marks) noexcept nogil:
     """Mark the voxels of one side of a range for rays that enter by that side.
 
@@ -67,7 +69,7 @@ cdef inline bint small(const Range* r) noexcept nogil:
             and r.hi[2] - r.lo[2] < SMALL)
 
 
-cdef void mark_range(const Grid* g, Subspace s, const Range* r, uint8_t* marks) noexcept nogil:
+cdef void mark_range(const Planes* g, Subspace s, const Range* r, uint8_t* marks) noexcept nogil:
     """Mark where rays enter a range, as far as that is in the subspace."""
     cdef int axis
     if small(r):
@@ -79,7 +81,7 @@ cdef void mark_range(const Grid* g, Subspace s, const Range* r, uint8_t* marks) 
 
 
 def mark(StreamScan scan, const int64_t[:, ::1] ranges, const float[:, ::1] parents,
-         Lattice lattice, Subspace subspace, uint8_t[:, :, ::1] marks):
+         Grid grid, Subspace subspace, uint8_t[:, :, ::1] marks):
     """Mark where the regions of objects begin, as far as that is in the subspace.
 
     Parameters
@@ -103,7 +105,7 @@ def mark(StreamScan scan, const int64_t[:, ::1] ranges, const float[:, ::1] pare
     cdef int64_t k
     if b.coded and parents is None:
         raise ValueError("quantised boxes: found no boxes around them")
-    sides_of(&lattice.grid, &sides)
+    sides_of(&grid.planes, &sides)
     with nogil:
         for k in range(ranges.shape[0]):
             if b.coded:
@@ -112,8 +114,8 @@ def mark(StreamScan scan, const int64_t[:, ::1] ranges, const float[:, ::1] pare
             while b.index < ranges[k, 1]:
                 n = next_block(scan, ranges[k, 1] - b.index)
                 decode(b, n)
-                eight_voxels(&lattice.grid, &sides, &b.eight, &voxels)
+                eight_voxels(&grid.planes, &sides, &b.eight, &voxels)
                 for i in range(n):
                     if not eight_empty(&b.eight, i):
                         region = range_at(&voxels, i)
-                        mark_range(&lattice.grid, subspace, &region, &marks[0, 0, 0])
+                        mark_range(&grid.planes, subspace, &region, &marks[0, 0, 0])

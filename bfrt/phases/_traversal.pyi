@@ -3,11 +3,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.geometry.lattice import Lattice
+from bfrt.grid.grid import Grid
 from bfrt.image.film import Film
 from bfrt.phases.outliers import Outliers
-from bfrt.phases.slabs import Slabs
-from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.grid.slabs import Slabs
+from bfrt.grid.voxel_rays import VoxelRays
 
 RAY_WORDS: int
 
@@ -30,7 +30,7 @@ class RayPool:
         queued: NDArray[Any],
         first: int,
         last: int,
-        lattice: Lattice,
+        grid: Grid,
         outliers: Outliers | None,
     ) -> tuple[int, int, int]: ...
     def admit_again(
@@ -38,7 +38,7 @@ class RayPool:
         partial: NDArray[Any],
         first: int,
         last: int,
-        lattice: Lattice,
+        grid: Grid,
         outliers: Outliers | None,
     ) -> tuple[int, int, int]: ...
     def begin_walk(self, base: int, each: int) -> None: ...
@@ -52,7 +52,7 @@ class RayPool:
         self,
         first: int,
         last: int,
-        lattice: Lattice,
+        grid: Grid,
         film: Film | None,
         background: NDArray[np.float64],
         hits: NDArray[Any],

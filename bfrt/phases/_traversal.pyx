@@ -5,17 +5,18 @@ from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memmove
 
-from bfrt.geometry.grid cimport (
-    BRICK, BRICK_BYTES, BRICK_SHIFT, CUBE_SHIFT, DARK, DARK_SHIFT, EMPTY_CUBE, NOWHERE, START, Grid,
-    Walk, voxel_enter, walk_leave, walk_resume, walk_start, walk_step,
+from bfrt.grid.bricks cimport (
+    BRICK, BRICK_BYTES, BRICK_SHIFT, CUBE_SHIFT, DARK, DARK_SHIFT, EMPTY_CUBE,
 )
-from bfrt.geometry.lattice cimport Lattice
+from bfrt.grid.planes cimport NOWHERE, START, Planes
+from bfrt.grid.walk cimport Walk, voxel_enter, walk_leave, walk_resume, walk_start, walk_step
+from bfrt.grid.grid cimport Grid
 from bfrt.geometry.vector cimport Line
 from bfrt.image.film cimport Film, film_add
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.phases.outliers cimport Outliers, meet_outliers
-from bfrt.phases.slabs cimport Slab, Slabs, brick_at, mark_at
-from bfrt.phases.voxel_rays cimport VoxelRays, entry_of, voxel_of
+from bfrt.grid.slabs cimport Slab, Slabs, brick_at, mark_at
+from bfrt.grid.voxel_rays cimport VoxelRays, entry_of, voxel_of
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
 from bfrt.streams.atomic cimport atomic_fetch_add
 
@@ -89,21 +90,21 @@ cdef inline void begin(Ray* r, double t, uint64_t id, uint16_t kind) noexcept no
     r.state = UNSEEN
 
 
-cdef inline void come_in(Ray* r, Lattice lattice, Outliers outliers, int64_t* box_tests,
+cdef inline void come_in(Ray* r, Grid grid, Outliers outliers, int64_t* box_tests,
                          int64_t* object_tests) noexcept nogil:
     """Test a ray against the outliers, and bring it to where it first meets the grid."""
     cdef Line line = ray_line(r)
     cdef Walk w
     if outliers is not None:
-        meet_outliers(outliers, r, &line, lattice.grow, box_tests, object_tests)
-    if walk_start(&w, &lattice.grid, &line) and w.enter <= r.t:
+        meet_outliers(outliers, r, &line, grid.grow, box_tests, object_tests)
+    if walk_start(&w, &grid.planes, &line) and w.enter <= r.t:
         r.voxel = w.voxel
         r.face = <uint8_t>w.face
 
 
 cdef inline int slab_of(const Slab* s, const Ray* r) noexcept nogil:
     """The slab that a ray's voxel is in."""
-    return s.slab_of[r.voxel // <uint32_t>s.grid.stride[s.axis] >> BRICK_SHIFT]
+    return s.slab_of[r.voxel // <uint32_t>s.planes.stride[s.axis] >> BRICK_SHIFT]
 
 
 cdef inline bint descends(const Slab* s, const Ray* r) noexcept nogil:
@@ -154,7 +155,7 @@ cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* le
             return steps
 
 
-cdef inline bint complete(const Ray* r, Lattice lattice) noexcept nogil:
+cdef inline bint complete(const Ray* r, Grid grid) noexcept nogil:
     """No sentinel, or a hit that is nearer: strictly, so that objects that tie are all met."""
     cdef Line line
     if r.voxel == NOWHERE:
@@ -162,7 +163,7 @@ cdef inline bint complete(const Ray* r, Lattice lattice) noexcept nogil:
     if r.t == INFINITY:
         return False
     line = ray_line(r)
-    return r.t < voxel_enter(&lattice.grid, &line, r.voxel, r.face)
+    return r.t < voxel_enter(&grid.planes, &line, r.voxel, r.face)
 
 
 cdef inline void finish_hit(const Ray* r, const Path* p, Hit* h) noexcept nogil:
@@ -252,7 +253,7 @@ cdef class RayPool:
         """Know that so many rays have been admitted behind the active ones."""
         self.active += n
 
-    def admit(self, const Queued[::1] queued, int64_t first, int64_t last, Lattice lattice,
+    def admit(self, const Queued[::1] queued, int64_t first, int64_t last, Grid grid,
               Outliers outliers):
         """Bring queued rays, behind the active ones, to where they first meet the grid.
 
@@ -283,10 +284,10 @@ cdef class RayPool:
                 if ray_bad(r):
                     bad += 1
                 else:
-                    come_in(r, lattice, outliers, &box_tests, &object_tests)
+                    come_in(r, grid, outliers, &box_tests, &object_tests)
         return box_tests, object_tests, bad
 
-    def admit_again(self, const Hit[::1] partial, int64_t first, int64_t last, Lattice lattice,
+    def admit_again(self, const Hit[::1] partial, int64_t first, int64_t last, Grid grid,
                     Outliers outliers):
         """Bring rays that have been through other groups to where they first meet this one's grid.
 
@@ -306,7 +307,7 @@ cdef class RayPool:
                 take_over(r, &self.paths[self.active + i], &h.ox, &h.pixel)
                 begin(r, h.t, h.id, h.kind)
                 if not ray_bad(r):  # which has been counted
-                    come_in(r, lattice, outliers, &box_tests, &object_tests)
+                    come_in(r, grid, outliers, &box_tests, &object_tests)
         return box_tests, object_tests, 0
 
     def begin_walk(self, int64_t base, uint32_t each):
@@ -389,7 +390,7 @@ cdef class RayPool:
                     continue
                 if slab_of(s, r) == s.number:
                     line = ray_line(r)
-                    walk_resume(&w, s.grid, &line, r.voxel, r.face)
+                    walk_resume(&w, s.planes, &line, r.voxel, r.face)
                     steps += walk_ray(s, &w, r, ray, &self.left[ray], voxel_rays, &out)
                     if r.voxel == NOWHERE or slab_of(s, r) == s.number:
                         continue
@@ -409,7 +410,7 @@ cdef class RayPool:
                 memmove(&self.order[end], &self.order[firsts[i]], counts[i] * sizeof(uint32_t))
         return end
 
-    def settle(self, int64_t first, int64_t last, Lattice lattice, Film film,
+    def settle(self, int64_t first, int64_t last, Grid grid, Film film,
                const double[::1] background, Hit[::1] hits):
         """Let complete rays of a part go, and close its ranks.
 
@@ -434,7 +435,7 @@ cdef class RayPool:
         with nogil:
             for i in range(first, last):
                 r = &self.rays[i]
-                if not complete(r, lattice):
+                if not complete(r, grid):
                     if kept != i:
                         self.rays[kept] = r[0]
                         self.paths[kept] = self.paths[i]

@@ -28,7 +28,7 @@ class EyeRays:
     first, last : int
         The film elements, pixels or their corners, whose rays they are: [first, last).
     samples : int
-        A pixel, stratified: in a lattice that has one sample in each of `samples` rows and
+        A pixel, stratified: in a grid that has one sample in each of `samples` rows and
         columns, moved by a hash of the pixel. 0 is SPD's procedure: one ray at each pixel corner,
         so (width + 1) (height + 1), the outermost at half the angle.
     """

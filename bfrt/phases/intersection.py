@@ -8,7 +8,7 @@ near rays.
 from __future__ import annotations
 
 from bfrt.phases._intersection import Intersector
-from bfrt.phases.selection import Selection
+from bfrt.grid.selection import Selection
 from bfrt.phases.traversal import Flight
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import Chunk
@@ -39,7 +39,7 @@ def intersect_all(
 
     swept = 0
     for stream in scans.streams:
-        source = selection.near(stream, flight.lattice, flight.voxel_rays)
+        source = selection.near(stream, flight.grid, flight.voxel_rays)
         workers.drain(source, meet)
         own = scans.of(stream)
         workers.each(lambda worker, own=own: intersectors[worker].finish(own[worker]))

@@ -11,7 +11,7 @@ from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.geometry.box cimport box_span
 from bfrt.geometry.shape cimport Meeting, shape_bounds, shape_load
-from bfrt.phases.crossings cimport Found, cross, hand_over
+from bfrt.phases.all_hits cimport Found, cross, hand_over
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.records cimport Crossing, Ray
 from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in

@@ -15,16 +15,16 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.geometry.lattice import Lattice
+from bfrt.grid.grid import Grid
 from bfrt.phases._preprocess import mark
-from bfrt.phases._slabs import pack
-from bfrt.phases.partition import Partition, subspaces
-from bfrt.phases.selection import Selection
-from bfrt.phases.subspace import Subspace
+from bfrt.grid.bricks import pack
+from bfrt.grid.partition import Partition, subspaces
+from bfrt.grid.selection import Selection
+from bfrt.grid.subspace import Subspace
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import Chunk
 from bfrt.stats import Counters
-from bfrt.store.marks import (
+from bfrt.grid.marks import (
     BRICK,
     BRICK_BYTES,
     Layout,
@@ -50,15 +50,15 @@ def growth(store: Store) -> float:
     return max(GROW * store.bounds.diagonal, ROUNDED * store.bounds.reach)
 
 
-def lattice_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Lattice:
+def grid_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Grid:
     """The grid of a group."""
     if group.grid_bounds.empty:
-        return Lattice((0.0,) * 3, (1.0,) * 3, (1, 1, 1), 0.0)
+        return Grid((0.0,) * 3, (1.0,) * 3, (1, 1, 1), 0.0)
     lo, hi = group.grid_bounds
     thick = (group.grid_bounds.grid_sides() - (hi - lo)) / 2
     # A scene of one point has no diagonal: give its voxel some room.
     room = 0.0 if store.bounds.diagonal else max(1.0, float(np.abs(lo).max()))
-    return Lattice(lo - thick - room, hi + thick + room, shape, growth(store), axis)
+    return Grid(lo - thick - room, hi + thick + room, shape, growth(store), axis)
 
 
 def layout_of(group: Group, partition: Partition, hierarchy: bool) -> Layout:
@@ -75,7 +75,7 @@ class Marking:
     selection : Selection
         Without the hierarchy every subspace takes a pass over all objects, and marks are of their
         boxes as they are, whatever quantised ones there are.
-    lattice : Lattice
+    grid : Grid
         The grid.
     workers : Workers
     counters : Counters
@@ -85,35 +85,35 @@ class Marking:
         self,
         scans: GroupScans,
         selection: Selection,
-        lattice: Lattice,
+        grid: Grid,
         workers: Workers,
         counters: Counters,
     ) -> None:
         self._scans = scans
         self._selection = selection
-        self._lattice = lattice
+        self._grid = grid
         self._workers = workers
         self._counters = counters
 
     def mark_all(self, most: int, writer: MarksWriter) -> None:
         """Write all layers, of subspaces of up to `most` voxels."""
-        for first, end in subspaces(self._lattice.layered, most):
+        for first, end in subspaces(self._grid.layered, most):
             for bricks, occupied in layers_of(self._marked(first, end)):
                 writer.add(bricks, occupied)
         self._counters.phases.preprocess.bytes_written += writer.bytes
 
     def _marked(self, first: int, end: int) -> Bytes:
         """Mark a subspace: one pass over the objects."""
-        marks = np.zeros((end - first, *self._lattice.layered[1:]), np.uint8)
-        subspace = Subspace(self._lattice, first, end)
+        marks = np.zeros((end - first, *self._grid.layered[1:]), np.uint8)
+        subspace = Subspace(self._grid, first, end)
         phase = self._counters.phases.preprocess
 
         def meet(_: int, chunk: Chunk) -> None:
-            mark(*chunk, self._lattice, subspace, marks)
+            mark(*chunk, self._grid, subspace, marks)
 
         swept = 0
         for stream in self._scans.streams:
-            source = self._selection.near(stream, self._lattice, subspace)
+            source = self._selection.near(stream, self._grid, subspace)
             self._workers.drain(source, meet)
             swept += source.swept
         self._counters.sweep(swept + self._selection.count(phase), self._scans)

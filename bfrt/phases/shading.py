@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bfrt.ids import index_of
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
-from bfrt.phases.picking import by_object, hits_of, picked
+from bfrt.phases.hit_order import by_object, hits_of, picked
 from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED, QUEUED_BYTES
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from bfrt.image.film import Film
 from bfrt.phases._intersection import Intersector
 from bfrt.phases._traversal import RayPool
-from bfrt.phases.crossings import Crossings
+from bfrt.phases.all_hits import Crossings
 from bfrt.phases.outliers import Outliers, cross_outliers
-from bfrt.phases.slabs import Slabs
-from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.grid.slabs import Slabs
+from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.records import CANDIDATE_BYTES, HIT, PATH_BYTES, RAY_BYTES
 from bfrt.stats import Counters
 from bfrt.workers import Workers
@@ -164,7 +164,7 @@ class Flight:
 
     def enter(self, ground: Ground) -> None:
         """Come into a group's grid, with no ray yet."""
-        self.lattice = ground.slabs.lattice
+        self.grid = ground.slabs.grid
         self._slabs, self.voxel_rays, self._outliers = ground
         self._starts = np.empty(2 * ground.slabs.count + 1, np.int64)
         self.pool.enter_grid()
@@ -205,11 +205,11 @@ class Flight:
         outliers = self._outliers if self.crossings is None else None
 
         def chunk(_: int, first: int, last: int) -> None:
-            tallies.append(come(rays, first, last, self.lattice, outliers))
+            tallies.append(come(rays, first, last, self.grid, outliers))
             if self.crossings is not None:
                 tests = cross_outliers(
                     self._outliers, pool.all[0], pool.active + first, pool.active + last,
-                    self.lattice.grow, *self.crossings.buffer(),
+                    self.grid.grow, *self.crossings.buffer(),
                 )  # fmt: skip
                 tallies.append((*tests, 0))
 
@@ -285,7 +285,7 @@ class Flight:
         def chunk(worker: int, first: int, last: int) -> None:
             found = self._hits[worker]
             first, last = base + first, base + last
-            kept, n, eye_hits = pool.settle(first, last, self.lattice, film, ends.background, found)
+            kept, n, eye_hits = pool.settle(first, last, self.grid, film, ends.background, found)
             ends.hits.append(found[:n])
             parts.append((first, kept))
             tallies.append((n, eye_hits))

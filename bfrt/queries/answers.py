@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
 from bfrt.records import plain
-from bfrt.streams.aside import aside, refused
-from bfrt.streams.parting import gathered, parted
+from bfrt.streams.atomic_write import aside, refused
+from bfrt.streams.bucket_sort import gathered, parted
 from bfrt.streams.spool import Spool
 
 #: Rows of an answer that are put together at once.

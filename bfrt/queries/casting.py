@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.budget import Capacities
 from bfrt.errors import SettingError
 from bfrt.ids import index_of, stream_of
-from bfrt.phases.crossings import Crossings
-from bfrt.phases.picking import by_object, hits_of, picked
+from bfrt.phases.all_hits import Crossings
+from bfrt.phases.hit_order import by_object, hits_of, picked
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries._rays import surfaces
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends

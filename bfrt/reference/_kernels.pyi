@@ -3,7 +3,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.geometry.lattice import Lattice
+from bfrt.grid.grid import Grid
 
 def power(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def spans(
@@ -19,7 +19,7 @@ def spans_of_eight(
     directions: NDArray[np.float64],
 ) -> NDArray[np.float64]: ...
 def voxels_of_eight(
-    boxes: NDArray[np.float32], lattice: Lattice
+    boxes: NDArray[np.float32], grid: Grid
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]: ...
 def decoded_eight(
     parent: NDArray[np.float32], codes: NDArray[np.uint8]

@@ -7,11 +7,9 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.eight cimport (
-    Eight, GrownEight, Sides, Voxels, eight_grow, eight_of, eight_span, eight_union, eight_voxels,
-    entered, sides_of,
-)
-from bfrt.geometry.lattice cimport Lattice
+from bfrt.geometry.packet cimport Eight, GrownEight, eight_grow, eight_of, eight_span, eight_union
+from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, entered, sides_of
+from bfrt.grid.grid cimport Grid
 from bfrt.geometry.power cimport power as core_power
 from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.shape cimport (
@@ -108,13 +106,13 @@ def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] 
     return np.swapaxes(np.asarray(out), 1, 2), np.asarray(met)
 
 
-def voxels_of_eight(const float[:, ::1] boxes, Lattice lattice):
+def voxels_of_eight(const float[:, ::1] boxes, Grid grid):
     """The voxels of up to eight boxes, worked out together, and the box around all.
 
     Parameters
     ----------
     boxes : (m, 6) float32
-    lattice : Lattice
+    grid : Grid
 
     Returns
     -------
@@ -128,8 +126,8 @@ def voxels_of_eight(const float[:, ::1] boxes, Lattice lattice):
     cdef Sides sides
     eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
     eight_union(&eight, &around[0])
-    sides_of(&lattice.grid, &sides)
-    eight_voxels(&lattice.grid, &sides, &eight, <Voxels*>&out[0, 0])
+    sides_of(&grid.planes, &sides)
+    eight_voxels(&grid.planes, &sides, &eight, <Voxels*>&out[0, 0])
     return np.asarray(out).T, np.asarray(around)
 
 

@@ -12,7 +12,7 @@ from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.eight cimport BOXES, Eight, eight_clear, eight_of, eight_union
+from bfrt.geometry.packet cimport BOXES, Eight, eight_clear, eight_of, eight_union
 from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.sphere cimport sphere_boxes, sphere_union
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES

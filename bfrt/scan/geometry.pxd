@@ -7,7 +7,7 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memcpy
 
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.eight cimport BOXES
+from bfrt.geometry.packet cimport BOXES
 from bfrt.records cimport OFFSET_BYTES, POLYGON
 from bfrt.scan.runs cimport run_end
 from bfrt.streams.reader cimport Reader, skip, take, want

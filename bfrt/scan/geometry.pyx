@@ -3,7 +3,7 @@
 cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.eight cimport BOXES
+from bfrt.geometry.packet cimport BOXES
 from bfrt.geometry.vector cimport vec
 from bfrt.records cimport OFFSET_BYTES, POLYGON
 from bfrt.scan.runs cimport prefetch_runs, run_end

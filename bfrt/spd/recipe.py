@@ -28,7 +28,7 @@ from bfrt.store.columns import prepare
 from bfrt.store.extent import Extent
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
-from bfrt.streams.aside import refused
+from bfrt.streams.atomic_write import refused
 from bfrt.workers import ahead, usable_threads
 
 #: Objects of a block: 66,430 balls are the largest part of a tree of balls that is near 2^16.

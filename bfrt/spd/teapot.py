@@ -1,6 +1,6 @@
 """SPD's teapot: Newell's, tessellated n x n a patch with its normals, on a chessboard of n x n.
 
-A patch is a bicubic polynomial in s and t; each cell of its lattice is two triangles. Two rows of
+A patch is a bicubic polynomial in s and t; each cell of its grid is two triangles. Two rows of
 cells meet in a point, at the lid's knob and in the middle of the bottom: half of their triangles
 have no area, and the package leaves those out.
 """
@@ -36,7 +36,7 @@ WHITE, GREY, COPPER = range(3)
 Array = npt.NDArray[np.float64]
 
 
-class Lattice(NamedTuple):
+class Grid(NamedTuple):
     """Points of a patch and the normals there, both (rows, columns, 3)."""
 
     points: Array
@@ -100,18 +100,18 @@ class Teapot(SpdScene):
     def _triangles(self, patch: int, first: int, last: int, dtype: Scalar) -> Block:
         """The triangles of the cells in rows [first, last) of s, two a cell."""
         n = self.size
-        lattice = _lattice(patch, np.arange(first, last + 1) / n, np.arange(n + 1) / n)
+        grid = _grid(patch, np.arange(first, last + 1) / n, np.arange(n + 1) / n)
         s, t = np.divmod(np.arange((last - first) * n), n)
         at = s * (n + 1) + t
         corners = np.stack([at, at + 1, at + n + 2, at + n + 2, at + n + 1, at], axis=1)
         corners = corners.reshape(-1, 3)
-        cusp = (np.abs(lattice.points[..., :2]) <= CUSP).all(axis=-1)
-        upper = lattice.points[..., 2] > MIDDLE
-        lattice.normals[cusp & upper] = (0.0, 0.0, 1.0)
-        lattice.normals[cusp & ~upper] = (0.0, 0.0, -1.0)
+        cusp = (np.abs(grid.points[..., :2]) <= CUSP).all(axis=-1)
+        upper = grid.points[..., 2] > MIDDLE
+        grid.normals[cusp & upper] = (0.0, 0.0, 1.0)
+        grid.normals[cusp & ~upper] = (0.0, 0.0, -1.0)
         corners = corners[cusp.reshape(-1)[corners].sum(axis=1) < 2]
         columns = np.concatenate(
-            [lattice.points.reshape(-1, 3), lattice.normals.reshape(-1, 3)], axis=1
+            [grid.points.reshape(-1, 3), grid.normals.reshape(-1, 3)], axis=1
         ).astype(dtype, copy=False)
         found = columns[corners]
         records = np.concatenate(
@@ -126,7 +126,7 @@ def _rows(n: int, step: int) -> Iterator[tuple[int, int]]:
         yield first, min(first + step, n)
 
 
-def _lattice(patch: int, s: Array, t: Array) -> Lattice:
+def _grid(patch: int, s: Array, t: Array) -> Grid:
     """A patch at s x t: points, and unit normals (zero where a tangent vanishes)."""
     control = np.moveaxis(POINTS[PATCHES[patch]], -1, 0)
     basis = _times(_times(BEZIER, control), BEZIER.T)  # one matrix a coordinate
@@ -139,7 +139,7 @@ def _lattice(patch: int, s: Array, t: Array) -> Lattice:
     normals = np.cross(at(powers, along), at(slopes, across))
     length = np.sqrt((normals * normals).sum(axis=-1, keepdims=True))
     length[length == 0.0] = 1.0
-    return Lattice(at(powers, across), normals / length)
+    return Grid(at(powers, across), normals / length)
 
 
 def _times(a: Array, b: Array) -> Array:

@@ -5,7 +5,7 @@ cimport cython
 from libc.stdint cimport int64_t
 
 from bfrt.geometry.box cimport Box, box_add, box_clear, box_empty
-from bfrt.geometry.eight cimport BOXES
+from bfrt.geometry.packet cimport BOXES
 from bfrt.geometry.quantised cimport Coding, Codings, codes_of, codings_of, coding_in
 from bfrt.records cimport Parent
 

@@ -19,7 +19,7 @@ from bfrt.store._bounds import bound
 from bfrt.store.extent import Extent
 from bfrt.store.hierarchy import Hierarchy, Level, make_levels
 from bfrt.store.model import Vector
-from bfrt.streams.aside import refused
+from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
 

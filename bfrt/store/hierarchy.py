@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SettingError
 from bfrt.records import CODE_BYTES, PARENT
 from bfrt.store._hierarchy import Merger, quantise
-from bfrt.streams.aside import refused
+from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 
 #: The most levels that a stream may have; each takes a read buffer while a scene is rendered.

@@ -43,7 +43,7 @@ from bfrt.store.store import (
     has_magic,
     open_store,
 )
-from bfrt.streams.aside import refused, sync_folder
+from bfrt.streams.atomic_write import refused, sync_folder
 from bfrt.streams.writer import FileWriter
 
 if TYPE_CHECKING:

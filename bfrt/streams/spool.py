@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import plain
-from bfrt.streams.aside import nameless, refused
+from bfrt.streams.atomic_write import nameless, refused
 from bfrt.streams.writer import write_all
 
 Records = NDArray[Any]

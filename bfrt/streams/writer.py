@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.streams.aside import refused
+from bfrt.streams.atomic_write import refused
 
 Data = bytes | bytearray | memoryview | NDArray[Any]
 

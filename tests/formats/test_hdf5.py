@@ -19,7 +19,7 @@ from meshes import convert, expected, failure, objects_of, outcome, shapes_of
 from bfrt.errors import SettingError, ShortReadError, StreamError
 from bfrt.formats import arrays as arrays_module
 from bfrt.formats import trial
-from bfrt.formats.outlet import Outlet
+from bfrt.formats.object_writer import Outlet
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: bfrt[hdf5]")
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import NO_VALUE, STEPS, colormap, cubehelix, linear
-from bfrt.formats.outlet import Outlet
+from bfrt.formats.object_writer import Outlet
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import Reading
 from bfrt.records import Kind

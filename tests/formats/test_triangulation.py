@@ -142,7 +142,7 @@ def test_star_shaped_faces(seed, count, dtype):
 @settings(max_examples=300)
 @given(seed=st.integers(0, 1 << 30), side=st.integers(2, 6), count=st.integers(4, 30))
 def test_corners_on_lines(seed, side, count):
-    """Outlines on a lattice, round their middle: many corners are on lines with others."""
+    """Outlines on a grid, round their middle: many corners are on lines with others."""
     rng = np.random.default_rng(seed)
     points = rng.integers(-side, side + 1, (count, 2))
     points = points[points.any(axis=1)]

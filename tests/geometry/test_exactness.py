@@ -13,16 +13,16 @@ from boxes import boxes_of
 from one_object import meet, outside, rays_through
 from scenes import flat_scene, joined, lattice_scene, random_objects, random_rays, units
 
-from bfrt.geometry.lattice import Lattice
+from bfrt.grid.grid import Grid
 from bfrt.image.film import Film
 from bfrt.phases import preprocess, traversal
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
-from bfrt.phases.partition import partition, resolution
-from bfrt.phases.preprocess import growth, lattice_of
-from bfrt.phases.slabs import Slabs
-from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.grid.partition import partition, resolution
+from bfrt.phases.preprocess import growth, grid_of
+from bfrt.grid.slabs import Slabs
+from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.records import HIT, INDEX_BITS, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
 from bfrt.reference.independent import Objects, agree, stable
@@ -130,8 +130,8 @@ def test_rule_1_a_hit_counts_within_the_span_of_the_grown_box(tmp_path):
 def test_rule_2_slabs_and_crossings_are_one_expression(tmp_path):
     """(plane - o) inv with inv = 1 / d, to the last bit, in boxes and in walks alike."""
     rng = np.random.default_rng(2)
-    lattice = Lattice(rng.normal(size=3) - 5, rng.normal(size=3) + 5, (11, 7, 13), 1e-9)
-    planes = lattice.planes
+    grid = Grid(rng.normal(size=3) - 5, rng.normal(size=3) + 5, (11, 7, 13), 1e-9)
+    planes = grid.tables
     origins = rng.normal(size=(400, 3)) * 8
     directions = rng.normal(size=(400, 3)) * 3 - origins
     inv = 1.0 / directions
@@ -147,7 +147,7 @@ def test_rule_2_slabs_and_crossings_are_one_expression(tmp_path):
     assert np.isinf(found[~met]).all()
     steps = 0
     for origin, direction, times in zip(origins, directions, inv, strict=True):
-        for voxel, face, t in lattice.walk(origin, direction):
+        for voxel, face, t in grid.walk(origin, direction):
             k = face % 3
             at = (voxel % 11, voxel // 11 % 7, voxel // 77)[k]
             if face != START:
@@ -159,16 +159,16 @@ def test_rule_2_slabs_and_crossings_are_one_expression(tmp_path):
 def test_rule_3_a_range_is_that_of_the_box_grown_by_2d(tmp_path):
     """By the table of planes: a box that ends on a plane is in the voxels of both sides."""
     grow = 2.0**-20
-    lattice = Lattice([0.0] * 3, [8.0] * 3, (8, 8, 8), grow)
+    grid = Grid([0.0] * 3, [8.0] * 3, (8, 8, 8), grow)
     for near_plane in (0.0, 1.5 * grow, -1.5 * grow):
-        box = [float(np.float32(lattice.planes[k][i] + s * near_plane))
+        box = [float(np.float32(grid.tables[k][i] + s * near_plane))
                for i, s in ((3, 1), (5, -1)) for k in range(3)]  # fmt: skip
-        first, last = lattice.range_of(box)
-        for k, planes in enumerate(lattice.planes):
+        first, last = grid.range_of(box)
+        for k, planes in enumerate(grid.tables):
             assert planes[first[k]] <= box[k] - 2 * grow
             assert planes[last[k] + 1] > box[3 + k] + 2 * grow
             assert (first[k], last[k]) == (2, 5)
-    # So no ray through corners of the lattice slips past what ends there.
+    # So no ray through corners of the grid slips past what ends there.
     rng = np.random.default_rng(3)
     objects = fast.stored(lattice_scene(rng))
     store = fast.write(objects, tmp_path / "s.bfrt", origin=ORIGIN)
@@ -195,11 +195,11 @@ def test_rule_4_an_axis_without_direction_never_steps(tmp_path):
         found = spans(box, grow, origins, directions)
         np.testing.assert_array_equal(np.isfinite(found[:, 0]), [True, False, True, False, True])
         assert (found[np.isfinite(found)].reshape(-1, 2) == [2 - grow, 4 + grow]).all()
-        lattice = Lattice([0.0] * 3, [8.0] * 3, (8, 8, 8), grow)
-        for y in (lattice.planes[1][3], 2.5):  # on a plane, and between two
-            way = lattice.walk([-1.0, y, y], [1.0, zero, -zero])
+        grid = Grid([0.0] * 3, [8.0] * 3, (8, 8, 8), grow)
+        for y in (grid.tables[1][3], 2.5):  # on a plane, and between two
+            way = grid.walk([-1.0, y, y], [1.0, zero, -zero])
             at = np.array([(v % 8, v // 8 % 8, v // 64) for v, _, _ in way])
-            row = 3 if y == lattice.planes[1][3] else 2
+            row = 3 if y == grid.tables[1][3] else 2
             np.testing.assert_array_equal(at, [(x, row, row) for x in range(8)])
     rng = np.random.default_rng(4)
     objects = fast.stored(lattice_scene(rng))
@@ -215,29 +215,29 @@ def test_rule_5_the_grid_spans_the_grown_boxes_and_walks_start_where_they_are(tm
     (group,) = store.groups
     d = growth(store)
     assert d == 2.0**-30 * store.bounds.diagonal
-    lattice = lattice_of(store, group, resolution(group.grid_bounds, 4000))
-    low, high = ([p[end] for p in lattice.planes] for end in (0, -1))
+    grid = grid_of(store, group, resolution(group.grid_bounds, 4000))
+    low, high = ([p[end] for p in grid.tables] for end in (0, -1))
     assert (low <= group.grid_bounds.lo - 2 * d).all()
     assert (high >= group.grid_bounds.hi + 2 * d).all()
     # The start: its crossings bracket it, where a position computed from t would be a voxel off.
-    lattice = Lattice([-1.0] * 3, [1.0] * 3, (40, 40, 40), 2.0**-30)
+    grid = Grid([-1.0] * 3, [1.0] * 3, (40, 40, 40), 2.0**-30)
     off = 0
-    corners = np.column_stack([rng.choice(p, 4000) for p in lattice.planes])
-    corners[:, 0] = lattice.planes[0][0]  # rays that come in by lattice lines of a face
+    corners = np.column_stack([rng.choice(p, 4000) for p in grid.tables])
+    corners[:, 0] = grid.tables[0][0]  # rays that come in by grid lines of a face
     ways = units(rng, 4000) * [1, 0.3, 0.3] * 10.0 ** rng.uniform(-3, 3, (4000, 1))
     ways[:, 0] = np.abs(ways[:, 0])
     for corner, way in zip(corners, ways, strict=True):
         origin = corner - 7 * way
-        walk = lattice.walk(origin, way)
+        walk = grid.walk(origin, way)
         if not walk:
             continue
         voxel, _, t = walk[0]
         at = (voxel % 40, voxel // 40 % 40, voxel // 1600)
         for k in range(3):
-            a, b = ((lattice.planes[k][at[k] + e] - origin[k]) * (1 / way[k]) for e in (0, 1))
+            a, b = ((grid.tables[k][at[k] + e] - origin[k]) * (1 / way[k]) for e in (0, 1))
             assert min(a, b) <= t <= max(a, b)
             x = origin[k] + t * way[k]
-            guess = np.searchsorted(lattice.planes[k], x, side="right") - 1
+            guess = np.searchsorted(grid.tables[k], x, side="right") - 1
             off += guess != at[k]
     assert off > 100
 
@@ -280,12 +280,12 @@ def test_rule_6_far_origins_are_advanced(tmp_path):
 
 def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path, monkeypatch):
     rng = np.random.default_rng(7)
-    lattice = Lattice([-1.0] * 3, [1.0] * 3, (9, 10, 11), 1e-9)
+    grid = Grid([-1.0] * 3, [1.0] * 3, (9, 10, 11), 1e-9)
     resumed = 0
     for origin, way in zip(rng.uniform(-1, 1, (90, 3)), units(rng, 90), strict=True):
-        walk = lattice.walk(origin, way)
+        walk = grid.walk(origin, way)
         for k in range(len(walk)):
-            assert lattice.walk(origin, way, *walk[k][:2]) == walk[k:]
+            assert grid.walk(origin, way, *walk[k][:2]) == walk[k:]
             resumed += 1
     assert resumed > 500
     # A pass each candidate, with as many hand-overs as there can be, finds the same.
@@ -302,7 +302,7 @@ def test_rule_7_a_voxel_and_a_face_are_the_whole_state(tmp_path, monkeypatch):
 
 
 def walker(t, voxel, face):
-    """A pool with a ray on its way up through the middle of a lattice, its nearest hit so far at
+    """A pool with a ray on its way up through the middle of a grid, its nearest hit so far at
     t."""
     pool = RayPool(1, 8)
     rays, _ = pool.all
@@ -313,17 +313,17 @@ def walker(t, voxel, face):
     return pool
 
 
-def walked(pool, lattice, marks, quota):
-    """How many candidates a ray finds in the one brick of a lattice of 1 x 1 x 8 voxels."""
+def walked(pool, grid, marks, quota):
+    """How many candidates a ray finds in the one brick of a grid of 1 x 1 x 8 voxels."""
     bricks = np.zeros((1, 512), np.uint8)
     bricks[0, ::64] = marks
     workers = Workers(1)
-    slabs = Slabs(lattice, OneBrick(bricks), 512, workers)
+    slabs = Slabs(grid, OneBrick(bricks), 512, workers)
     slabs.load(0)
     pool.enter_grid()
     pool.keep_order()
     pool.begin_walk(0, quota)
-    assert pool.walk(0, 1, slabs, VoxelRays(lattice.shape))[0] == 0
+    assert pool.walk(0, 1, slabs, VoxelRays(grid.shape))[0] == 0
     return pool.stored
 
 
@@ -364,18 +364,18 @@ def test_rule_8_what_ties_is_met(tmp_path, monkeypatch):
     assert (exhaustive.nearest(store, origins, directions)[1] >> INDEX_BITS == Kind.TRIANGLE).all()
 
     # The voxel at z = 3 is entered at t = 4.
-    lattice = Lattice([0.0] * 3, [1.0, 1.0, 8.0], (1, 1, 8), 0.0)
+    grid = Grid([0.0] * 3, [1.0, 1.0, 8.0], (1, 1, 8), 0.0)
     marks = np.full(8, 1 << UP, np.uint8)
     for t, found, sentinel in ((4.0, 4, NOWHERE), (np.nextafter(4.0, 3.0), 3, NOWHERE)):
         pool = walker(t, 0, UP)
-        assert walked(pool, lattice, marks, 8) == found
+        assert walked(pool, grid, marks, 8) == found
         assert pool.in_flight["voxel"][0] == sentinel
     pool = walker(4.0, 0, UP)
-    assert walked(pool, lattice, marks, 3) == 3
+    assert walked(pool, grid, marks, 3) == 3
     assert pool.in_flight["voxel"][0] == 3
     for t, left in ((4.0, 1), (np.nextafter(4.0, 3.0), 0)):
         film, hits = Film(1, 1, 1), np.zeros(1, HIT)
-        assert walker(t, 3, UP).settle(0, 1, lattice, film, np.zeros(3), hits)[0] == left
+        assert walker(t, 3, UP).settle(0, 1, grid, film, np.zeros(3), hits)[0] == left
     # On its way in, too, when it has met an outlier.
     marks[:3] = 0
     for height, voxel in ((3.0, 3), (np.nextafter(np.float32(3.0), np.float32(0.0)), NOWHERE)):
@@ -384,9 +384,9 @@ def test_rule_8_what_ties_is_met(tmp_path, monkeypatch):
         outliers = Outliers(store, replace(store.groups[0], outliers=[Kind.POLYGON << INDEX_BITS]))
         queued = fast.queued([[0.5, 0.5, -1.0]], [[0.0, 0.0, 1.0]], RayKind.REFLECTION)
         pool = RayPool(1, 8)
-        pool.admit(queued, 0, 1, lattice, outliers)
+        pool.admit(queued, 0, 1, grid, outliers)
         pool.come(1)
-        assert walked(pool, lattice, marks, 0) == 0
+        assert walked(pool, grid, marks, 0) == 0
         (ray,) = pool.in_flight
         assert (ray["t"], ray["voxel"]) == (height + 1.0, voxel)
 
@@ -435,20 +435,20 @@ def test_rule_10_each_ray_meets_each_box_once(tmp_path):
     for voxels in (1, 5**3, 20**3, 40**3):
         capacities = fast.limited(fast.ROOMY, voxels=voxels)
         cut = partition(group.grid_bounds, 1 << 30, capacities.limits)
-        lattice = lattice_of(store, group, cut.shape)
+        grid = grid_of(store, group, cut.shape)
         for refine in ("sg", "sgb"):
             boxes = boxes_of(store, quantised=refine == "sgb")
             found = fast.nearest(store, origins, directions, tmp_path, capacities, refine)
-            assert found.counters.box_tests == pairs(lattice, boxes, origins, directions)
+            assert found.counters.box_tests == pairs(grid, boxes, origins, directions)
 
 
-def pairs(lattice, boxes, origins, directions):
+def pairs(grid, boxes, origins, directions):
     """How many (ray, box) there are where the ray's way leads through the box's voxels."""
-    nx, ny, _ = lattice.shape
-    ranges = np.array([lattice.range_of(box) for box in boxes])
+    nx, ny, _ = grid.shape
+    ranges = np.array([grid.range_of(box) for box in boxes])
     count = 0
     for origin, direction in zip(origins, directions, strict=True):
-        way = np.array([step[0] for step in lattice.walk(origin, direction)], np.int64)
+        way = np.array([step[0] for step in grid.walk(origin, direction)], np.int64)
         at = np.column_stack([way % nx, way // nx % ny, way // (nx * ny)])[:, None]
         inside = ((ranges[:, 0] <= at) & (at <= ranges[:, 1])).all(axis=2)
         count += int(inside.any(axis=0).sum())

@@ -11,7 +11,7 @@ import pytest
 from bfrt.image import exr, picture, png
 from bfrt.image.picture import Image
 from bfrt.records import NO_HIT
-from bfrt.streams.aside import aside
+from bfrt.streams.atomic_write import aside
 
 AWKWARD = np.array(
     [np.nan, np.inf, -np.inf, -0.0, -1.0, 1e-40, 65504.0, 65519.0, 65520.0, 3e38], np.float32

@@ -212,7 +212,7 @@ def test_standard_scenes_at_length(tmp_path, file):
     check_nff(file, tmp_path, 3000, 100, fast.VARIATIONS)
 
 
-# --- everything on one lattice, so that hits tie and boxes end where voxels do ------------------
+# --- everything on one grid, so that hits tie and boxes end where voxels do ------------------
 
 quarters = st.integers(-8, 8).map(lambda n: n / 4)
 points = st.tuples(quarters, quarters, quarters)

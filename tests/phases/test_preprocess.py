@@ -11,12 +11,12 @@ from boxes import boxes_of
 from scenes import random_objects
 
 import bfrt
-from bfrt.geometry.lattice import Lattice
+from bfrt.grid.grid import Grid
 from bfrt.phases._preprocess import mark
-from bfrt.phases.field import Field
-from bfrt.phases.partition import partition_of
-from bfrt.phases.preprocess import lattice_of, layout_of
-from bfrt.phases.subspace import Subspace
+from bfrt.traced_group import Field
+from bfrt.grid.partition import partition_of
+from bfrt.phases.preprocess import grid_of, layout_of
+from bfrt.grid.subspace import Subspace
 from bfrt.records import Kind
 from bfrt.scan.files import StreamFiles
 from bfrt.scan.scan import StreamScan
@@ -24,7 +24,7 @@ from bfrt.scan.scans import GroupScans
 from bfrt.settings import REFINEMENTS, Settings
 from bfrt.stats import Counters
 from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.marks import BRICK, BRICK_BYTES, marks_path, open_marks
+from bfrt.grid.marks import BRICK, BRICK_BYTES, marks_path, open_marks
 from bfrt.store.store import open_store
 from bfrt.workers import Workers
 
@@ -32,21 +32,21 @@ from bfrt.workers import Workers
 FACES = 63
 
 
-def marked_one_by_one(store, lattice, quantised):
+def marked_one_by_one(store, grid, quantised):
     """By the definition: of a voxel a bit for each of its faces where a box's region begins."""
-    marks = np.zeros(lattice.layered, np.uint8)
+    marks = np.zeros(grid.layered, np.uint8)
     for box in boxes_of(store, quantised=quantised):
-        first, last = lattice.range_of(box)
+        first, last = grid.range_of(box)
         for face in range(6):
             low, high = list(first), list(last)
             axis = face % 3
             low[axis] = high[axis] = first[axis] if face < 3 else last[axis]
-            where = tuple(slice(low[k], high[k] + 1) for k in reversed(lattice.order))
+            where = tuple(slice(low[k], high[k] + 1) for k in reversed(grid.order))
             marks[where] |= np.uint8(1 << face)
     return marks
 
 
-def marked(store, lattice, layout, scratch):
+def marked(store, grid, layout, scratch):
     """What the marks on disk say."""
     marks = open_marks(marks_path(store, store.groups[0], scratch), store, layout)
     layers, rows, row = layout.bricks
@@ -56,7 +56,7 @@ def marked(store, lattice, layout, scratch):
         marks.read(number, bricks)
         whole[number][occupied] = bricks.reshape(-1, BRICK, BRICK, BRICK) & FACES
     marks.close()
-    a, b, c = lattice.layered
+    a, b, c = grid.layered
     whole = whole.transpose(0, 3, 1, 4, 2, 5).reshape(layers * BRICK, rows * BRICK, row * BRICK)
     assert not whole[a:].any() and not whole[:, b:].any() and not whole[:, :, c:].any()
     return whole[:a, :b, :c]
@@ -77,12 +77,12 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
     field.preprocess(capacities.subspace, Counters(), fresh=True)
     workers.close()
     cut = partition_of(group, capacities.limits)
-    lattice = lattice_of(store, group, cut.shape, cut.axis)
+    grid = grid_of(store, group, cut.shape, cut.axis)
     layout = layout_of(group, cut, refine == "sgb")
     assert (layout.boxes != 0) == (refine == "sgb")
-    found = marked(store, lattice, layout, tmp_path)
+    found = marked(store, grid, layout, tmp_path)
     assert 0.1 < (found != 0).mean() < 0.9
-    expected = marked_one_by_one(store, lattice, refine == "sgb")
+    expected = marked_one_by_one(store, grid, refine == "sgb")
     np.testing.assert_array_equal(found, expected)
 
 
@@ -104,14 +104,14 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
     scan = StreamScan(stream, (0.0,) * 3, files, np.empty(0, np.int64), 1 << 18)
     scan.rewind(asked=True)
     scan.window(0, 90_020)
-    lattice = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
-    marks = np.zeros(lattice.layered, np.uint8)
+    grid = Grid((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
+    marks = np.zeros(grid.layered, np.uint8)
     gap = (1 << 14) // width  # that is read through
     b = 10 + gap
     c = b + 10 + gap + 1
     ranges = np.array([[5, 10], [b, b + 10], [c, c + 10], [30_000, 70_000], [90_000, 90_010]])
     parents = np.array([[0, 0, 0, 1, 1, 1]] * 5, np.float32) if stream.quantised else None
-    mark(scan, ranges, parents, lattice, Subspace(lattice, 0, 4), marks)
+    mark(scan, ranges, parents, grid, Subspace(grid, 0, 4), marks)
     assert marks.any()
     wanted = (b + 10 - 5) + 10 + 40_000 + 10
     assert files.counts()[0] == width * wanted

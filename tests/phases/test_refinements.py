@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import bfrt
 from bfrt.errors import SettingError, StoreError
-from bfrt.geometry.lattice import Lattice
-from bfrt.phases._selection import HierarchyWalk
-from bfrt.phases.voxel_rays import VoxelRays
+from bfrt.grid.grid import Grid
+from bfrt.grid._hierarchy_walk import HierarchyWalk
+from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.records import ON_REQUEST, PARENT, Kind
 from bfrt.settings import REFINEMENTS
 from bfrt.store.hierarchy import Hierarchy
@@ -152,10 +152,10 @@ def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room
         writer.spheres(centers, np.float32(0.2))
     (stream,) = open_store(folder / "a.bfrt").streams
     shape = tuple(int(k) for k in rng.integers(1, 40, 3))
-    lattice = Lattice((-10.0,) * 3, (10.0,) * 3, shape, 1e-6)
+    grid = Grid((-10.0,) * 3, (10.0,) * 3, shape, 1e-6)
     voxels = np.unique(rng.integers(0, np.prod(shape), rng.integers(0, 6)))
     walk, ranges, found = HierarchyWalk(stream, 4096), np.empty((room, 2), np.int64), []
-    walk.begin(lattice, occupied(shape, voxels))
+    walk.begin(grid, occupied(shape, voxels))
     while k := walk.choose(ranges, most):
         found.extend(range(a, b) for a, b in ranges[:k].tolist())
     chosen = [i for part in found for i in part]
@@ -163,7 +163,7 @@ def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room
     z, y, x = np.unravel_index(voxels, shape[::-1])
     for i in set(range(n)) - set(chosen):
         box = np.concatenate([centers[i] - np.float32(0.2), centers[i] + np.float32(0.2)])
-        lo, hi = lattice.range_of(box.astype(np.float32))
+        lo, hi = grid.range_of(box.astype(np.float32))
         inside = [(lo[k] <= at) & (at <= hi[k]) for k, at in enumerate((x, y, z))]
         assert not np.logical_and.reduce(inside).any()
 

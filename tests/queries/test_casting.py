@@ -18,7 +18,7 @@ from scenes import hard_scenes, random_rays
 
 import bfrt
 from bfrt.errors import SceneError, SettingError
-from bfrt.phases.partition import Limits
+from bfrt.grid.partition import Limits
 from bfrt.queries import answers
 from bfrt.queries import rays as rays_module
 from bfrt.records import INDEX_BITS, NO_HIT

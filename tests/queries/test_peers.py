@@ -103,9 +103,9 @@ def ball(rng):
             points = np.stack([np.full_like(i, side), i, j], axis=-1)
             points = points if side > 0 else points.swapaxes(0, 1)
             grids.append(np.roll(points, axis, axis=-1))
-    lattice, index = np.unique(np.reshape(grids, (-1, 3)), axis=0, return_inverse=True)
+    grid, index = np.unique(np.reshape(grids, (-1, 3)), axis=0, return_inverse=True)
     faces = np.concatenate([squares(grid) for grid in index.reshape(6, n + 1, n + 1)])
-    directions = lattice / np.linalg.norm(lattice, axis=1, keepdims=True)
+    directions = grid / np.linalg.norm(grid, axis=1, keepdims=True)
     bumps = 1 + 0.15 * np.prod(np.sin(9 * directions + [0, 1, 2]), axis=1)
     return Mesh((directions * bumps[:, None]).astype(np.float32), faces, closed=True)
 

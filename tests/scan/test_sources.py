@@ -14,9 +14,9 @@ import pytest
 from capped import drop
 
 import bfrt
-from bfrt.geometry.lattice import Lattice
-from bfrt.phases.selection import Selection
-from bfrt.phases.subspace import Subspace
+from bfrt.grid.grid import Grid
+from bfrt.grid.selection import Selection
+from bfrt.grid.subspace import Subspace
 from bfrt.scan import sources
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import (
@@ -31,7 +31,7 @@ from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import open_store
 from bfrt.workers import Workers
 
-EVERYWHERE = Lattice((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
+EVERYWHERE = Grid((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
 
 
 @pytest.fixture(params=[1, 4])

@@ -17,7 +17,7 @@ from bfrt.errors import StoreError, StreamError
 from bfrt.ids import object_id
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store.header import header_text
-from bfrt.store.marks import Layout, marks_path, writing_marks
+from bfrt.grid.marks import Layout, marks_path, writing_marks
 from bfrt.store.model import Camera, Light, Material
 from bfrt.store.store import has_magic, open_store
 from bfrt.store.writer import StoreWriter

@@ -1,0 +1,298 @@
+"""Voxel marks on disk: made once for a store and a grid, used by every later render.
+
+Marks are kept by bricks of 8 x 8 x 8 voxels, of which those without any mark are left out, each
+coded by its commonest mark (bfrt/store/_coding.pyx): a quarter of the bytes or less, for a slab is
+read in every pass of a scene whose grid memory does not hold. The bricks of a layer lie together::
+
+    offset  bytes      what
+         0      8      magic
+         8      4      format version
+        12     12      voxels an axis: x, y, z
+        24      4      the axis across the layers: 0, 1, 2
+        28      4      checksum of the store's header
+        32      8      bricks that are kept
+        40      4      of which boxes they are: 0, or a checksum of quantised ones
+        44      4      CRC-32 of the tables
+        48      4      CRC-32 of these 48 bytes
+        52      4 L    the CRC-32 of each layer's bricks, one byte a voxel
+       ...      8 L    bytes that they take as they are coded
+       ...      B / 8  a bit for each brick, the first in the highest: whether it is kept
+       ...             the bricks, coded
+
+Bricks, and voxels in a brick, come in the order of their numbers (bfrt/geometry/grid.pxd); a brick
+at the border of the grid is whole, and its voxels beyond have no marks. Bits 0 to 5 of a voxel are
+its marks, bit 6 is set where its cube of 4 voxels a side has none.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import ShortReadError, StoreError, StreamError
+from bfrt.grid._coding import MOST_CODED, decode, encode
+from bfrt.grid.bricks import BRICK, BRICK_BYTES
+from bfrt.store.store import Group, Store
+from bfrt.streams.atomic_write import aside, put, refused
+from bfrt.streams.reader import Reader, Tape
+
+MAGIC = b"bfrtmark"
+VERSION = 5
+HEADER = struct.Struct("<8sI3IIIQII")
+CRC = struct.Struct("<I")
+
+#: Of each layer, its checksum and size.
+LAYER_BYTES = 4 + 8
+
+#: Bytes of the buffer through which a thread reads a layer.
+MARKS_BUFFER = 1 << 16
+
+#: Bricks that are coded before they are written.
+CODED = 1024
+
+Shape = tuple[int, int, int]
+Bytes = NDArray[np.uint8]
+
+
+def bricks_of(layered: Shape) -> Shape:
+    """Bricks an axis, of voxels an axis."""
+    a, b, c = (-(-n // BRICK) for n in layered)
+    return (a, b, c)
+
+
+class Layout(NamedTuple):
+    """What marks are of.
+
+    Attributes
+    ----------
+    shape : tuple of 3 int
+        Voxels an axis: x, y, z.
+    axis : int
+        The one across the layers.
+    boxes : int
+        0 for the objects' boxes as they are; else `Group.quantised_checksum`.
+    """
+
+    shape: Shape
+    axis: int
+    boxes: int = 0
+
+    @property
+    def bricks(self) -> Shape:
+        """How many: (layers, rows of a layer, bricks of a row)."""
+        rest = [n for k, n in enumerate(self.shape) if k != self.axis]
+        return bricks_of((self.shape[self.axis], rest[1], rest[0]))
+
+    @property
+    def data_at(self) -> int:
+        """Where the first brick begins in the file."""
+        bits = -(-math.prod(self.bricks) // 8)
+        return HEADER.size + CRC.size + LAYER_BYTES * self.bricks[0] + bits
+
+    def most_bytes(self, bricks: int) -> int:
+        """Of a file of so many bricks, at the most."""
+        return self.data_at + bricks * MOST_CODED
+
+
+class Marks:
+    """Marks in a file, of which only the tables are in memory.
+
+    The file stays open, so that it does not matter if another render replaces it meanwhile.
+
+    Attributes
+    ----------
+    occupied : ndarray of uint8, shape (layers, rows, bricks of a row)
+        Which bricks are kept: 0 or 1.
+    first : ndarray of int64, shape (layers + 1,)
+        How many bricks come before each layer's.
+    at : ndarray of int64, shape (layers + 1,)
+        Where each layer begins in the file, and the last ends.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        layout: Layout,
+        occupied: Bytes,
+        crcs: NDArray[np.uint32],
+        sizes: NDArray[np.int64],
+        file: Path | None = None,
+    ) -> None:
+        self.path = path
+        self.layout = layout
+        self.occupied = occupied
+        self.first = np.zeros(len(occupied) + 1, np.int64)
+        np.cumsum(occupied.sum(axis=(1, 2)), out=self.first[1:])
+        self.at = np.full(len(sizes) + 1, layout.data_at, np.int64)
+        self.at[1:] += np.cumsum(sizes)
+        self._crcs = crcs
+        self._checked = np.zeros(len(crcs), np.bool_)
+        self._tape = Tape(file or path)
+
+    def read(self, number: int, bricks: Bytes) -> None:
+        """Read the bricks (n, 512) that are kept of a layer; threads may read at once.
+
+        Raises
+        ------
+        StoreError
+            If they are damaged: when they are read for the first time.
+        """
+        reader = Reader(self._tape, MARKS_BUFFER)
+        reader.window(int(self.at[number]), int(self.at[number + 1]))
+        try:
+            decode(reader, bricks)
+        except ShortReadError:
+            raise _damaged(self.path) from None
+        except StreamError as error:
+            raise refused(self.path, error.offset, OSError(error.errno, ""), "reading") from None
+        if not self._checked[number] and zlib.crc32(bricks.data) != self._crcs[number]:
+            raise _damaged(self.path)
+        self._checked[number] = True
+
+    def close(self) -> None:
+        del self._tape
+
+
+def marks_path(store: Store, group: Group, scratch: Path) -> Path:
+    """In the store, or in the scratch folder where the store is read-only."""
+    home = store.path / str(group.number)
+    if os.access(home if home.is_dir() else store.path, os.W_OK):
+        return home / "marks"
+    return scratch / f"{store.path.name}-{store.checksum:08x}-{group.number}.marks"
+
+
+class MarksWriter:
+    """The bricks of a grid, layer by layer.
+
+    Attributes
+    ----------
+    marks : Marks
+        What was written, when all of it is.
+    """
+
+    def __init__(self, file: io.FileIO, path: Path, layout: Layout) -> None:
+        self.occupied = np.zeros(layout.bricks, np.uint8)
+        self.crcs = np.zeros(layout.bricks[0], np.uint32)
+        self.sizes = np.zeros(layout.bricks[0], np.int64)
+        self.bytes = layout.data_at
+        self.marks: Marks
+        self._file, self._path = file, path
+        self._layer = 0
+        self._coded = np.empty(CODED * MOST_CODED, np.uint8)
+        file.seek(layout.data_at)
+
+    def add(self, bricks: Bytes, occupied: Bytes) -> None:
+        """The next layer: its bricks (n, 512), and which those are, (rows, bricks of a row)."""
+        self.occupied[self._layer] = occupied
+        self.crcs[self._layer] = zlib.crc32(bricks.data) if len(bricks) else 0
+        for first in range(0, len(bricks), CODED):
+            size = encode(bricks[first : first + CODED], self._coded)
+            put(self._file, self._coded[:size].data, self._path)
+            self.sizes[self._layer] += size
+        self.bytes += int(self.sizes[self._layer])
+        self._layer += 1
+
+
+@contextmanager
+def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWriter]:
+    """Marks that take their name when all layers are written."""
+    with aside(path) as temporary, temporary.open("wb", buffering=0) as file:
+        writer = MarksWriter(file, path, layout)
+        yield writer
+        kept = int(writer.occupied.sum())
+        tables = writer.crcs.astype("<u4").tobytes() + writer.sizes.astype("<i8").tobytes()
+        tables += np.packbits(writer.occupied).tobytes()
+        header = HEADER.pack(
+            MAGIC, VERSION, *layout.shape, layout.axis, store.checksum, kept, layout.boxes,
+            zlib.crc32(tables),
+        )  # fmt: skip
+        file.seek(0)
+        put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
+        writer.marks = Marks(path, layout, writer.occupied, writer.crcs, writer.sizes, temporary)
+
+
+def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
+    """The marks of this layout, if there are any.
+
+    Raises
+    ------
+    StoreError
+        If they are there but damaged, as far as the tables and the size show.
+    """
+    found = _read_tables(path, verified=False)
+    if found is None or found[:2] != (layout, store.checksum):
+        return None
+    return Marks(path, layout, *found[2:])
+
+
+def verify_marks(store: Store, group: Group) -> None:
+    """Check the marks in the store, if there are any."""
+    path = store.path / str(group.number) / "marks"
+    found = _read_tables(path, verified=True)
+    if found is None:
+        return
+    if found[1] != store.checksum:
+        raise _damaged(path)
+    marks = Marks(path, found[0], *found[2:])
+    try:
+        for number, n in enumerate(np.diff(marks.first).tolist()):
+            marks.read(number, np.empty((n, BRICK_BYTES), np.uint8))
+    finally:
+        marks.close()
+
+
+def _read_tables(
+    path: Path, *, verified: bool
+) -> tuple[Layout, int, Bytes, NDArray[np.uint32], NDArray[np.int64]] | None:
+    """Layout, the store's checksum; occupied bricks, checksums and sizes of layers; None where
+    there is no file. One of another version is refused where it is `verified`, and none else."""
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            header = file.read(HEADER.size)
+            check = file.read(CRC.size)
+            if len(check) < CRC.size or header[: len(MAGIC)] != MAGIC:
+                raise _damaged(path)
+            _, version, x, y, z, axis, checksum, kept, boxes, tables_crc = HEADER.unpack(header)
+            if version != VERSION and not verified:
+                return None
+            if CRC.unpack(check)[0] != zlib.crc32(header):
+                raise _damaged(path)
+            if version != VERSION:
+                raise StoreError(
+                    f"{path}: found marks of version {version}, expected {VERSION}: the next "
+                    "render makes them again"
+                )
+            layout = Layout((x, y, z), axis, boxes)
+            if axis > 2 or 0 in layout.shape or size < layout.data_at:
+                raise _damaged(path)
+            tables = file.read(layout.data_at - file.tell())
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise refused(path, 0, error, "reading") from error
+    if zlib.crc32(tables) != tables_crc:
+        raise _damaged(path)
+    layers = layout.bricks[0]
+    crcs = np.frombuffer(tables, "<u4", layers).astype(np.uint32)
+    sizes = np.frombuffer(tables, "<i8", layers, CRC.size * layers).astype(np.int64)
+    bits = np.frombuffer(tables, np.uint8, offset=LAYER_BYTES * layers)
+    total = math.prod(layout.bricks)
+    occupied = np.unpackbits(bits, count=total).reshape(layout.bricks)
+    if int(occupied.sum()) != kept or size != layout.data_at + int(sizes.sum()):
+        raise _damaged(path)
+    return layout, checksum, occupied, crcs, sizes
+
+
+def _damaged(path: Path) -> StoreError:
+    return StoreError(f"{path}: the marks are damaged: make them again with --fresh-marks")

@@ -1,0 +1,165 @@
+"""Which rays wait where boxes are: whether any does, by which most boxes, and most parents, are
+passed over; and which, gathered a few at a time."""
+
+from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
+
+from bfrt.bits cimport lowest_bit
+from bfrt.geometry.box cimport Box, box_empty
+from bfrt.grid.planes cimport Planes, Range, rough_range
+from bfrt.geometry.lanes cimport LANES
+from bfrt.grid.voxel_rays cimport (
+    BRICK_BITS, CROWD, VoxelRays, block_of, brick_within, brick_word, covering_level, cube_word,
+    entry_face, entry_ray, longest, lower_of, occupied, upper_at, uppers_of,
+)
+
+cdef enum:
+    FEW = 12  # upper voxels a side of which the bricks are looked at one by one
+
+# Called with its context when there is no room for more entries, to make some.
+ctypedef int (*Spill)(void*) except -1 nogil
+
+# Entries of some voxels, no more than there are lanes: of each where it is, by which face it came
+# there, and its ray.
+cdef struct Near:
+    Spill spill   # or NULL: no more are wanted than there is room for
+    void* context
+    int n
+    bint more     # than that
+    int at[LANES][3]
+    uint8_t face[LANES]
+    uint32_t ray[LANES]
+
+
+cdef inline bint rays_near(const Box* b, const Planes* g, VoxelRays v) noexcept nogil:
+    """Whether any voxel that a box may touch holds a ray.
+
+    Arithmetic with some slack, in place of the table: it never misses a voxel of the range.
+    """
+    cdef Range r
+    if box_empty(b):
+        return False
+    r = rough_range(g, b)
+    return rays_within(&r, v)
+
+
+cdef inline bint rays_within(const Range* r, VoxelRays v) noexcept nogil:
+    """Whether any voxel of a range holds a ray."""
+    cdef Range upper = uppers_of(v, r)
+    cdef int x, y, z
+    if longest(&upper) > FEW:
+        return v.any_within(r)
+    for z in range(upper.lo[2] >> BRICK_BITS, (upper.hi[2] >> BRICK_BITS) + 1):
+        for y in range(upper.lo[1] >> BRICK_BITS, (upper.hi[1] >> BRICK_BITS) + 1):
+            for x in range(upper.lo[0] >> BRICK_BITS, (upper.hi[0] >> BRICK_BITS) + 1):
+                if brick_within(v, r, &upper, x, y, z):
+                    return True
+    return False
+
+
+cdef inline int entries_within(const Range* r, VoxelRays v, Near* near) except -1 nogil:
+    """Gather the entries of all voxels of a range, cube by cube of few that cover it."""
+    cdef Range upper = uppers_of(v, r)
+    cdef int level = covering_level(v, &upper)
+    cdef int down = BRICK_BITS * level
+    cdef int x, y, z
+    near.n, near.more = 0, False
+    for z in range(upper.lo[2] >> down, (upper.hi[2] >> down) + 1):
+        for y in range(upper.lo[1] >> down, (upper.hi[1] >> down) + 1):
+            for x in range(upper.lo[0] >> down, (upper.hi[0] >> down) + 1):
+                gather_cube(r, &upper, v, level, x, y, z, near)
+                if near.more:
+                    return 0
+    return 0
+
+
+cdef inline int gather_cube(const Range* r, const Range* upper, VoxelRays v, int level, int cx,
+                            int cy, int cz, Near* near) except -1 nogil:
+    """The entries of a cube's part of the range."""
+    cdef int at[3]
+    cdef Range part
+    cdef int k, x, y, z, below
+    if level == 1:
+        return gather_brick(r, upper, v, cx, cy, cz, near)
+    if not occupied(v, level, cx, cy, cz):
+        return 0
+    at[0], at[1], at[2] = cx, cy, cz
+    below = BRICK_BITS * (level - 1)
+    for k in range(3):
+        part.lo[k] = max(at[k] << BRICK_BITS, upper.lo[k] >> below)
+        part.hi[k] = min((at[k] << BRICK_BITS) + (1 << BRICK_BITS) - 1, upper.hi[k] >> below)
+    for z in range(part.lo[2], part.hi[2] + 1):
+        for y in range(part.lo[1], part.hi[1] + 1):
+            for x in range(part.lo[0], part.hi[0] + 1):
+                gather_cube(r, upper, v, level - 1, x, y, z, near)
+                if near.more:
+                    return 0
+    return 0
+
+
+cdef inline int gather_brick(const Range* r, const Range* upper, VoxelRays v, int x, int y, int z,
+                             Near* near) except -1 nogil:
+    """The entries of a brick's part of the range."""
+    cdef uint64_t word = brick_word(v, x, y, z)
+    cdef int bit
+    if not word:
+        return 0
+    word &= cube_word(upper, x, y, z, BRICK_BITS)
+    while word and not near.more:
+        bit = lowest_bit(word)
+        word &= word - 1
+        gather_upper(
+            r, v, x << BRICK_BITS | (bit & 3), y << BRICK_BITS | (bit >> 2 & 3),
+            z << BRICK_BITS | bit >> 4, near,
+        )
+    return 0
+
+
+cdef inline int gather_upper(const Range* r, VoxelRays v, int x, int y, int z,
+                             Near* near) except -1 nogil:
+    """The entries of an upper voxel's part of the range."""
+    cdef int64_t upper = upper_at(v, x, y, z)
+    cdef int64_t i, block, first = v.start[upper], last = v.start[upper + 1]
+    cdef uint64_t word
+    cdef int lower
+    if v.bits == 0:
+        return gather(v, first, last, 0, x, y, z, near)
+    word = cube_word(r, x, y, z, v.bits)
+    block = block_of(v, upper) if last - first >= CROWD else -1
+    if block >= 0:
+        word &= v.block_word[block]
+        while word and not near.more:
+            lower = lowest_bit(word)
+            word &= word - 1
+            i = block << 3 * v.bits | lower
+            gather(
+                v, v.block_start[i], last if lower + 1 == 1 << 3 * v.bits else v.block_start[i + 1],
+                lower, x, y, z, near,
+            )
+        return 0
+    for i in range(first, last):
+        lower = lower_of(v, v.entries[i])
+        if word >> lower & 1:
+            gather(v, i, i + 1, lower, x, y, z, near)
+            if near.more:
+                return 0
+    return 0
+
+
+cdef inline int gather(VoxelRays v, int64_t first, int64_t last, int lower, int x, int y, int z,
+                       Near* near) except -1 nogil:
+    """The entries [first, last), all of one voxel: a place in the upper voxel (x, y, z)."""
+    cdef int64_t i
+    cdef int b = v.bits, mask = (1 << v.bits) - 1
+    for i in range(first, last):
+        if near.n == LANES:
+            if near.spill == NULL:
+                near.more = True
+                return 0
+            near.spill(near.context)
+        near.at[near.n][0] = x << b | (lower & mask)
+        near.at[near.n][1] = y << b | (lower >> b & mask)
+        near.at[near.n][2] = z << b | lower >> 2 * b
+        near.face[near.n] = <uint8_t>entry_face(v.entries[i])
+        near.ray[near.n] = entry_ray(v.entries[i])
+        near.n += 1
+    return 0

@@ -1,0 +1,81 @@
+"""The channels of a picture as they are made, band by band: in memory, or on disk."""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bfrt.streams.atomic_write import nameless
+from bfrt.streams.writer import write_all
+
+Channels = dict[str, npt.NDArray[Any]]
+
+
+class Canvas:
+    """A picture that grows from its first row to its last.
+
+    Parameters
+    ----------
+    width, height : int
+        Pixels.
+    scratch : Path, optional
+        A folder, for a picture that memory has no room for: it is a file there that has no name,
+        so that nothing is left of it when the picture is forgotten. By default it is in memory.
+    """
+
+    def __init__(self, width: int, height: int, scratch: Path | None = None) -> None:
+        self._shape = (height, width)
+        self._scratch = scratch
+        self._row = 0
+        self._channels: Channels = {}
+        self._file: Any = None
+
+    def add(self, band: Channels) -> None:
+        """The next rows: an array (rows, width) of each channel."""
+        if self._scratch is None:
+            self._keep(band)
+        else:
+            self._write(band, self._scratch)
+        self._row += len(next(iter(band.values())))
+
+    def _keep(self, band: Channels) -> None:
+        for name, rows in band.items():
+            if name not in self._channels:
+                self._channels[name] = np.empty(self._shape, rows.dtype)
+            self._channels[name][self._row : self._row + len(rows)] = rows
+
+    def _write(self, band: Channels, scratch: Path) -> None:
+        if self._file is None:
+            self._file = nameless(scratch, scratch / "image")
+            self._types = {name: rows.dtype for name, rows in band.items()}
+        height, width = self._shape
+        for number, rows in enumerate(band.values()):
+            # Every channel has 4 bytes a pixel.
+            at = (number * height + self._row) * width * 4
+            self._file.seek(at)
+            write_all(self._file.fileno(), np.ascontiguousarray(rows), scratch / "image", at)
+
+    def channels(self) -> Channels:
+        """The finished picture; arrays on disk are read as they are looked at."""
+        if self._file is None:
+            return self._channels
+        height, width = self._shape
+        return {
+            name: np.memmap(
+                self._file, dtype, mode="r", offset=number * height * width * 4, shape=self._shape
+            )
+            for number, (name, dtype) in enumerate(self._types.items())
+        }
+
+
+def forget(pixels: npt.NDArray[Any]) -> None:
+    """Give back the memory of what has been read of an array on disk."""
+    base: Any = pixels
+    while base is not None and not isinstance(base, mmap.mmap):
+        base = getattr(base, "base", None)
+    if base is not None:
+        base.madvise(mmap.MADV_DONTNEED)

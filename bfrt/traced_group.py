@@ -1,0 +1,135 @@
+"""A group as rays go through it: its objects, its grid, its marks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bfrt.phases._intersection import Intersector
+from bfrt.phases.intersection import intersect_all
+from bfrt.phases.outliers import Outliers
+from bfrt.grid.partition import Limits, partition_of
+from bfrt.phases.preprocess import Marking, grid_of, layout_of
+from bfrt.grid.selection import Selection
+from bfrt.grid.slabs import Slabs
+from bfrt.phases.traversal import Flight, Ground
+from bfrt.grid.voxel_rays import VoxelRays
+from bfrt.scan.scans import GroupScans
+from bfrt.settings import Settings
+from bfrt.stats import Counters
+from bfrt.grid.marks import Marks, marks_path, open_marks, writing_marks
+from bfrt.store.store import Group, Store
+from bfrt.workers import Workers
+
+
+class Field:
+    """One group, and the grid that memory has room for.
+
+    Parameters
+    ----------
+    store : Store
+    group : Group
+    settings : Settings
+    limits : Limits
+        What memory holds of a grid.
+    scans : GroupScans
+        Its objects.
+    workers : Workers
+
+    Attributes
+    ----------
+    scans : GroupScans
+    read : int
+        Bytes that a pass reads: the most that one has.
+    marks_reused : bool
+        Whether marks were there.
+    facts : dict
+        What the counters tell of the grid.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        group: Group,
+        settings: Settings,
+        limits: Limits,
+        scans: GroupScans,
+        workers: Workers,
+    ) -> None:
+        self.scans = scans
+        self.read = 0
+        self.marks_reused = False
+        self.facts: dict[str, Any] = {}
+        self._store = store
+        self._workers = workers
+        self._limits = limits
+        hierarchy = settings.refinement.hierarchy
+        self._selection = Selection(scans, workers.threads, hierarchy)
+        self._cut = partition_of(group, limits)
+        self._layout = layout_of(group, self._cut, hierarchy)
+        self._marks_path = marks_path(store, group, settings.scratch_beside(store.path))
+        self._grid = grid_of(store, group, self._cut.shape, self._cut.axis)
+        self._outliers = Outliers(store, group)
+        self._slabs: Slabs | None = None
+        self._intersectors: list[Intersector] = []
+
+    @property
+    def selective(self) -> bool:
+        """Whether a pass reads only what is near rays."""
+        return self._selection.hierarchy
+
+    def preprocess(self, subspace: int, counters: Counters, *, fresh: bool) -> None:
+        """See that there are marks.
+
+        Parameters
+        ----------
+        subspace : int
+            Voxels that are marked at a time, at the most.
+        fresh : bool
+            Whether they are made again.
+        """
+        marks = None if fresh else open_marks(self._marks_path, self._store, self._layout)
+        self.marks_reused = marks is not None
+        if marks is None:
+            marks = self._make(subspace, counters)
+        self.facts = {
+            "voxels": list(self._cut.shape),
+            "lower": 1 << self._cut.lower_bits,
+            "bricks": int(marks.first[-1]),
+            "slabs": len(Slabs.cuts(marks, self._limits.slab)) - 1,
+        }
+        marks.close()
+
+    def _make(self, subspace: int, counters: Counters) -> Marks:
+        """Make the marks."""
+        marking = Marking(self.scans, self._selection, self._grid, self._workers, counters)
+        with writing_marks(self._marks_path, self._store, self._layout) as writer:
+            marking.mark_all(subspace, writer)
+        return writer.marks
+
+    def open(self, blocks: int, subspace: int) -> Ground:
+        """Take memory for the grid, with so many lower-level blocks."""
+        marks = open_marks(self._marks_path, self._store, self._layout)
+        if marks is None:  # another render has made others since
+            marks = self._make(subspace, Counters())
+        self._slabs = Slabs(self._grid, marks, self._limits.slab, self._workers)
+        voxel_rays = VoxelRays(self._cut.shape, self._cut.lower_bits, blocks)
+        self._intersectors = [
+            Intersector(self._grid, voxel_rays) for _ in range(self._workers.threads)
+        ]
+        return Ground(self._slabs, voxel_rays, self._outliers)
+
+    def intersect(self, flight: Flight, counters: Counters) -> None:
+        """Make one pass over the group's objects."""
+        phase = counters.phases.intersection
+        before = phase.bytes_read
+        intersect_all(
+            self.scans, self._selection, flight, self._intersectors, self._workers, counters
+        )
+        self.read = max(self.read, phase.bytes_read - before)
+
+    def close(self) -> None:
+        """Give the grid back."""
+        if self._slabs is not None:
+            self._slabs.close()
+            self._slabs = None
+            self._intersectors = []
