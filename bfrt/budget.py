@@ -11,19 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from bfrt.errors import BudgetError
-from bfrt.image.frame import FrameSize, held_frame
-from bfrt.memory import BASELINE, format_memory
-from bfrt.scan.deferred import DELAYS_BYTES
+from bfrt.grid.marks import MARKS_BUFFER
 from bfrt.grid.partition import LOWER_BITS, Limits, Partition, partition_of
 from bfrt.grid.selection import Selection
-from bfrt.phases.shading import SHADED_HIT_BYTES, Shading
 from bfrt.grid.slabs import Slabs
-from bfrt.phases.traversal import CANDIDATES_A_RAY, FEWEST_RAYS, FLYING_BYTES
 from bfrt.grid.voxel_rays import BLOCK_BYTES, UPPER_BYTES, VoxelRays
+from bfrt.image.frame import FrameSize, held_frame
+from bfrt.memory import BASELINE, format_memory
+from bfrt.phases.shading import SHADED_HIT_BYTES, Shading
+from bfrt.phases.traversal import CANDIDATES_A_RAY, FEWEST_RAYS, FLYING_BYTES
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
+from bfrt.scan.deferred import DELAYS_BYTES
 from bfrt.scan.scans import READ_BUFFER, GroupScans
 from bfrt.settings import Settings
-from bfrt.grid.marks import MARKS_BUFFER
 from bfrt.store.store import Store
 
 #: Of what a budget leaves, at the most: a slab; upper voxels that are voxels, or larger ones;

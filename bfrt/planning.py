@@ -15,14 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bfrt.budget import Capacities
-from bfrt.phases.eye import count_eye_rays
+from bfrt.grid.bricks import BRICK_BYTES
+from bfrt.grid.marks import marks_path, open_marks
 from bfrt.grid.partition import partition_of, subspaces
-from bfrt.phases.preprocess import grid_of, layout_of
 from bfrt.grid.slabs import Slabs, cuts_of
+from bfrt.phases.eye import count_eye_rays
+from bfrt.phases.preprocess import grid_of, layout_of
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, Kind
 from bfrt.settings import Refinement, Settings
-from bfrt.grid.marks import BRICK_BYTES, marks_path, open_marks
 from bfrt.store.store import Group, Store
 from bfrt.view import View
 

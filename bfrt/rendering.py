@@ -6,8 +6,8 @@ import logging
 import time
 from collections.abc import Iterable
 
-from bfrt.image.image_buffer import Canvas
 from bfrt.image.film import Film
+from bfrt.image.image_buffer import Canvas
 from bfrt.image.picture import Image
 from bfrt.progress import Report
 from bfrt.scheduler import Render

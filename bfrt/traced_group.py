@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+from bfrt.grid.marks import Marks, marks_path, open_marks, writing_marks
+from bfrt.grid.partition import Limits, partition_of
+from bfrt.grid.selection import Selection
+from bfrt.grid.slabs import Slabs
+from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.phases._intersection import Intersector
 from bfrt.phases.intersection import intersect_all
 from bfrt.phases.outliers import Outliers
-from bfrt.grid.partition import Limits, partition_of
 from bfrt.phases.preprocess import Marking, grid_of, layout_of
-from bfrt.grid.selection import Selection
-from bfrt.grid.slabs import Slabs
 from bfrt.phases.traversal import Flight, Ground
-from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters
-from bfrt.grid.marks import Marks, marks_path, open_marks, writing_marks
 from bfrt.store.store import Group, Store
 from bfrt.workers import Workers
 

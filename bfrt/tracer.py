@@ -23,7 +23,6 @@ import numpy as np
 from bfrt.budget import Capacities
 from bfrt.image.film import Film
 from bfrt.phases.all_hits import Crossings
-from bfrt.traced_group import Field
 from bfrt.phases.traversal import Ends, Flight, Queue, Sink
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans
@@ -31,6 +30,7 @@ from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
 from bfrt.store.store import Group, Store
 from bfrt.streams.spool import Spool
+from bfrt.traced_group import Field
 from bfrt.workers import Workers
 
 #: Called with the rays that are finished so far.

@@ -98,7 +98,11 @@ class Workers:
         BaseException
             The first that came up, an interrupt too.
         """
-        self._each(lambda worker, _: work(worker), alone=False)
+
+        def once(worker: int, _: threading.Event) -> None:
+            work(worker)
+
+        self._each(once, alone=False)
 
     def _each(self, loop: Loop, *, alone: bool) -> None:
         """Have all workers, or one, run a loop that ends when it is told to stop."""

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import Capacities
-from bfrt.image.film import Film
 from bfrt.grid.partition import Limits
+from bfrt.image.film import Film
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
 from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects

@@ -8,9 +8,10 @@ import pytest
 
 import bfrt
 from bfrt.cli import main
+from bfrt.ids import stream_number, stream_of
 from bfrt.image.film import Film
 from bfrt.phases.eye import EyeRays, view_vectors
-from bfrt.records import INDEX_BITS, NO_HIT, ON_REQUEST
+from bfrt.records import INDEX_BITS, NO_HIT, ON_REQUEST, Kind
 from bfrt.reference import exhaustive
 
 ALWAYS = {"R", "G", "B", "A", "Z", "N.X", "N.Y", "N.Z", "id.lo", "id.hi"}
@@ -93,7 +94,8 @@ def seen_by_the_reference(store, samples):
 def test_they_are_the_references(scene, samples, refine):
     image = bfrt.render(scene, samples=samples, refine=refine, memory="256MiB", aovs=BOTH)
     place, color, depth, ids = seen_by_the_reference(scene.store, samples or 0)
-    assert {int(i) >> INDEX_BITS for i in np.unique(ids)} == {*range(10), NO_HIT >> INDEX_BITS}
+    streams = {stream_number(group, kind) for group in range(2) for kind in Kind}
+    assert set(stream_of(np.unique(ids)).tolist()) == {*streams, NO_HIT >> INDEX_BITS}
     np.testing.assert_array_equal(image.ids, ids)
     np.testing.assert_array_equal(image.channels["Z"], depth)
     np.testing.assert_array_equal(stacked(image, "P", "XYZ"), place)

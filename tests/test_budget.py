@@ -14,9 +14,9 @@ from bfrt import budget
 from bfrt import memory as memory_module
 from bfrt.budget import capacities, fixed_bytes
 from bfrt.errors import BudgetError, SettingError
+from bfrt.grid.partition import partition_of
 from bfrt.image.frame import FrameSize
 from bfrt.memory import default_memory, format_memory, parse_memory
-from bfrt.grid.partition import partition_of
 from bfrt.phases.traversal import FEWEST_RAYS, FLYING_BYTES
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
 from bfrt.settings import Settings

@@ -1,5 +1,5 @@
-"""Eight boxes side by side, in vector lanes, and those that one line meets: what box.pxd says of one
-at a time.
+"""Eight boxes side by side, in vector lanes, and those that one line meets: what box.pxd says of
+one at a time.
 
 ::
 

@@ -4,7 +4,6 @@ from libc.stdint cimport int64_t, uint8_t
 from libc.string cimport memcpy, memset
 
 
-
 cdef bint any_mark(const uint8_t[:, :, ::1] marks, int64_t row, int64_t x) noexcept nogil:
     """Whether a brick that begins at (row, x) of a layer has a mark."""
     cdef int64_t k, j, i

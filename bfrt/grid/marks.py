@@ -1,7 +1,7 @@
 """Voxel marks on disk: made once for a store and a grid, used by every later render.
 
 Marks are kept by bricks of 8 x 8 x 8 voxels, of which those without any mark are left out, each
-coded by its commonest mark (bfrt/store/_coding.pyx): a quarter of the bytes or less, for a slab is
+coded by its commonest mark (bfrt/grid/_coding.pyx): a quarter of the bytes or less, for a slab is
 read in every pass of a scene whose grid memory does not hold. The bricks of a layer lie together::
 
     offset  bytes      what
@@ -19,7 +19,7 @@ read in every pass of a scene whose grid memory does not hold. The bricks of a l
        ...      B / 8  a bit for each brick, the first in the highest: whether it is kept
        ...             the bricks, coded
 
-Bricks, and voxels in a brick, come in the order of their numbers (bfrt/geometry/grid.pxd); a brick
+Bricks, and voxels in a brick, come in the order of their numbers (bfrt/grid/planes.pxd); a brick
 at the border of the grid is whole, and its voxels beyond have no marks. Bits 0 to 5 of a voxel are
 its marks, bit 6 is set where its cube of 4 voxels a side has none.
 """

@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from bfrt.errors import BudgetError
+from bfrt.grid.bricks import BRICK, BRICK_BYTES
+from bfrt.grid.marks import Shape, bricks_of
 from bfrt.records import VOXEL_BITS
 from bfrt.store.extent import Bounds
-from bfrt.grid.marks import BRICK, BRICK_BYTES, Shape, bricks_of
 from bfrt.store.store import Group
 
 #: Voxels for each object of the grid. One is the rule's; two measured better, with entry marks,

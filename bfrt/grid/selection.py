@@ -1,10 +1,10 @@
-"""Which objects a pass looks at: all of them, or those below the boxes of the hierarchy that are near
-what the pass is about."""
+"""Which objects a pass looks at: all, or those below the boxes of the hierarchy that are near what
+the pass is about."""
 
 from __future__ import annotations
 
-from bfrt.grid.grid import Grid
 from bfrt.grid._hierarchy_walk import HierarchyWalk
+from bfrt.grid.grid import Grid
 from bfrt.grid.subspace import Subspace
 from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.scan.scans import GroupScans

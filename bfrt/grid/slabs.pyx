@@ -17,7 +17,7 @@ from bfrt.grid.grid cimport Grid
 TOGETHER = 2
 
 #: A brick: where it is, whether it is there, and its part of a cube.
-TABLED_BYTES = 4 + 1 + 1 / 8 + 1
+TABLED_BYTES = 4 + 1 + 0.125 + 1
 
 
 def table_of(occupied):

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import SettingError
-from bfrt.image.image_buffer import forget
 from bfrt.image.exr import write_exr
+from bfrt.image.image_buffer import forget
 from bfrt.image.png import encode_png, write_png
 from bfrt.stats import Stats
 from bfrt.streams.atomic_write import aside, put

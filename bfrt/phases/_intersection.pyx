@@ -112,7 +112,8 @@ cdef int meet_pending(Search* s, StreamScan w) except -1 nogil:
     if not s.loaded:
         s.loaded = True
         shape_load(
-            w.kind, record_in_block(w, s.place), vertices_in(w.geometry, s.place), &w.geometry.frame, &s.shape
+            w.kind, record_in_block(w, s.place), vertices_in(w.geometry, s.place),
+            &w.geometry.frame, &s.shape,
         )
     return meet_shape(s, &s.shape, s.id)
 

@@ -203,7 +203,7 @@ cdef class Shader:
         )
         offset = scale(s.geometric, hit_error(&l, h.t, p, box))
         for k in range(self.lights.shape[0]):
-            self.light(h, &s, d, add(p, offset), m, &self.lights[k, 0])
+            self.light(h, &s, d, offset, m, &self.lights[k, 0])
         if not last and (m.ks > 0.0 or m.transmittance > 0.0):
             self.go_on(h, &s, d, p, offset, m, outside)
 
@@ -221,13 +221,16 @@ cdef class Shader:
         if self.film.albedos.shape[0]:
             put(&self.film.albedos[element, 0], vec(m.red, m.green, m.blue))
 
-    cdef void light(self, const Hit* h, const Surface* s, Vec d, Vec o, const Material* m,
+    cdef void light(self, const Hit* h, const Surface* s, Vec d, Vec offset, const Material* m,
                     const double* light) noexcept nogil:
         """Send a shadow ray that carries what the light adds: Lambert and Phong.
 
-        There is none where the surface faces away from the light (SPD's rule 10).
+        There is none where the surface faces away from the light (SPD's rule 10). The light is
+        that of the place itself: only the shadow ray begins beside it.
         """
-        cdef Vec way = sub(vec(light[0], light[1], light[2]), o)
+        cdef Vec lamp = vec(light[0], light[1], light[2])
+        cdef Vec way = sub(lamp, s.place)
+        cdef Vec o = add(s.place, offset)
         cdef Vec to
         cdef double diffuse, specular
         if not (dot(way, s.geometric) > 0.0 and dot(way, s.shading) > 0.0):
@@ -236,7 +239,7 @@ cdef class Shader:
         diffuse = m.kd * dot(to, s.shading)
         specular = m.ks * power(dot(reflected(d, s.shading), to), m.shine) if m.ks > 0.0 else 0.0
         self.send(
-            SHADOW, h, o, way,
+            SHADOW, h, o, sub(lamp, o),
             light[3] * (diffuse * m.red + specular) * h.red,
             light[4] * (diffuse * m.green + specular) * h.green,
             light[5] * (diffuse * m.blue + specular) * h.blue,
@@ -249,9 +252,12 @@ cdef class Shader:
         cdef Vec r = reflected(d, s.shading)
         cdef double weight = m.ks
         cdef double ior = m.ior if m.ior > 0.0 else 1.0
+        cdef double eta = 1.0 / ior if outside else ior
         cdef Bent b
         if m.transmittance > 0.0:
-            b = refracted(d, s.shading, 1.0 / ior if outside else ior)
+            b = refracted(d, s.shading, eta)
+            if not b.total and dot(b.d, s.geometric) >= 0.0:  # it would come out on the ray's side
+                b = refracted(d, s.geometric, eta)
             if b.total:
                 weight += m.transmittance
             else:

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.grid.grid import Grid
-from bfrt.image.film import Film
-from bfrt.phases.outliers import Outliers
 from bfrt.grid.slabs import Slabs
 from bfrt.grid.voxel_rays import VoxelRays
+from bfrt.image.film import Film
+from bfrt.phases.outliers import Outliers
 
 RAY_WORDS: int
 

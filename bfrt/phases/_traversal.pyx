@@ -5,10 +5,8 @@ from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memmove
 
-from bfrt.grid.bricks cimport (
-    BRICK, BRICK_BYTES, BRICK_SHIFT, CUBE_SHIFT, DARK, DARK_SHIFT, EMPTY_CUBE,
-)
-from bfrt.grid.planes cimport NOWHERE, START, Planes
+from bfrt.grid.bricks cimport BRICK_SHIFT, CUBE_SHIFT, DARK, DARK_SHIFT, EMPTY_CUBE
+from bfrt.grid.planes cimport NOWHERE, START
 from bfrt.grid.walk cimport Walk, voxel_enter, walk_leave, walk_resume, walk_start, walk_step
 from bfrt.grid.grid cimport Grid
 from bfrt.geometry.vector cimport Line

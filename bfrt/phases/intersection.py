@@ -7,9 +7,10 @@ near rays.
 
 from __future__ import annotations
 
-from bfrt.phases._intersection import Intersector
 from bfrt.grid.selection import Selection
+from bfrt.phases._intersection import Intersector
 from bfrt.phases.traversal import Flight
+from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import Chunk
 from bfrt.stats import Counters
@@ -41,8 +42,7 @@ def intersect_all(
     for stream in scans.streams:
         source = selection.near(stream, flight.grid, flight.voxel_rays)
         workers.drain(source, meet)
-        own = scans.of(stream)
-        workers.each(lambda worker, own=own: intersectors[worker].finish(own[worker]))
+        finish_all(intersectors, scans.of(stream), workers)
         swept += source.swept
     phase = counters.phases.intersection
     counters.sweep(swept + selection.count(phase), scans)
@@ -52,3 +52,8 @@ def intersect_all(
         counters.box_tests += box_tests
         counters.object_tests += object_tests
     return swept
+
+
+def finish_all(intersectors: list[Intersector], scans: list[StreamScan], workers: Workers) -> None:
+    """Settle the rays that still wait for the geometry of a stream."""
+    workers.each(lambda worker: intersectors[worker].finish(scans[worker]))

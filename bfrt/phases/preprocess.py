@@ -15,23 +15,16 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.grid.bricks import BRICK, BRICK_BYTES, pack
 from bfrt.grid.grid import Grid
-from bfrt.phases._preprocess import mark
-from bfrt.grid.bricks import pack
+from bfrt.grid.marks import Layout, MarksWriter, Shape, bricks_of
 from bfrt.grid.partition import Partition, subspaces
 from bfrt.grid.selection import Selection
 from bfrt.grid.subspace import Subspace
+from bfrt.phases._preprocess import mark
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import Chunk
 from bfrt.stats import Counters
-from bfrt.grid.marks import (
-    BRICK,
-    BRICK_BYTES,
-    Layout,
-    MarksWriter,
-    Shape,
-    bricks_of,
-)
 from bfrt.store.store import Group, Store
 from bfrt.workers import Workers
 

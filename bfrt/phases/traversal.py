@@ -13,13 +13,13 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.grid.slabs import Slabs
+from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.image.film import Film
 from bfrt.phases._intersection import Intersector
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.all_hits import Crossings
 from bfrt.phases.outliers import Outliers, cross_outliers
-from bfrt.grid.slabs import Slabs
-from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.records import CANDIDATE_BYTES, HIT, PATH_BYTES, RAY_BYTES
 from bfrt.stats import Counters
 from bfrt.workers import Workers

@@ -1,4 +1,4 @@
-"""A cursor over the materials of one stream: of all objects in order, or of those that are picked."""
+"""A cursor over the materials of one stream: of all objects in order, or of those picked."""
 
 from libc.stdint cimport int64_t, uint16_t, uint32_t
 

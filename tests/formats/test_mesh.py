@@ -459,16 +459,16 @@ def test_several_files_are_groups(square, cloud, tmp_path):
     with pytest.raises(bfrt.errors.SettingError):
         bfrt.convert([square, cloud], tmp_path / "a.bfrt")
     cloud.write_text(cloud.read_text().replace("nan", "1"))
-    store = bfrt.convert([square, square], tmp_path / "a.bfrt")
-    assert counts_of(store) == [4, 4]
+    scene = bfrt.convert([square, square], tmp_path / "a.bfrt")
+    assert counts_of(scene) == [4, 4]
 
 
 # --- settings of several files -------------------------------------------------------------------
 
 
-def counts_of(store):
+def counts_of(scene):
     """Objects of each group."""
-    return [sum(stream.count for stream in group.streams) for group in store.groups]
+    return [sum(stream.count for stream in group.streams) for group in scene.store.groups]
 
 
 @pytest.fixture
@@ -505,12 +505,12 @@ def several(tmp_path, cloud, square):
     ],
 )
 def test_a_setting_is_for_the_files_that_it_concerns(several, tmp_path, names, asked, counts):
-    store = bfrt.convert([several[name] for name in names], tmp_path / "a.bfrt", **asked)
-    assert counts_of(store) == counts
+    scene = bfrt.convert([several[name] for name in names], tmp_path / "a.bfrt", **asked)
+    assert counts_of(scene) == counts
     if "color_by" in asked:
         plain = names.index("obj")
-        (stream,) = store.groups[plain].streams
-        palette = store.materials().view("<f4").reshape(-1, 8)
+        (stream,) = scene.store.groups[plain].streams
+        palette = scene.materials().view("<f4").reshape(-1, 8)
         assert palette[stream.material, :3] == pytest.approx(0.8)
 
 
@@ -547,7 +547,7 @@ def test_of_many_files_three_are_named(several, tmp_path):
 
 def test_a_standard_scene_beside_a_mesh(several, tmp_path):
     files = ["spd:tetra:2", several["obj"]]
-    store = bfrt.convert(files, tmp_path / "a.bfrt", triangulate=True)
-    assert counts_of(store) == [16, 2]
+    scene = bfrt.convert(files, tmp_path / "a.bfrt", triangulate=True)
+    assert counts_of(scene) == [16, 2]
     with pytest.raises(bfrt.errors.SettingError, match=r"spd:tetra:2, .*found radius=1, expected"):
         bfrt.convert(files, tmp_path / "a.bfrt", radius=1)

@@ -353,7 +353,7 @@ def test_a_closed_mesh_has_no_leak(tmp_path):
     origins = np.zeros_like(directions)
 
     def hits(**asked):
-        scene = convert(file, **asked)
+        scene = bfrt.open(convert(file, **asked).path)
         return bfrt.count_intersections(scene, origins, directions)["counts"]
 
     assert (hits() == 1).all()
@@ -429,4 +429,4 @@ def test_polygons_and_triangles_exclude_each_other(tmp_path, capsys):
     assert caught.value.code == 2
     assert "not allowed with argument" in capsys.readouterr().err
     assert main(["convert", str(file), "-o", out, "--polygons"]) == 0
-    assert [stream.kind for stream in bfrt.open(out).streams] == [Kind.POLYGON]
+    assert [stream.kind for stream in bfrt.open(out).store.streams] == [Kind.POLYGON]

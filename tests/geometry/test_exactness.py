@@ -14,15 +14,15 @@ from one_object import meet, outside, rays_through
 from scenes import flat_scene, joined, lattice_scene, random_objects, random_rays, units
 
 from bfrt.grid.grid import Grid
+from bfrt.grid.partition import partition, resolution
+from bfrt.grid.slabs import Slabs
+from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.image.film import Film
 from bfrt.phases import preprocess, traversal
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
-from bfrt.grid.partition import partition, resolution
-from bfrt.phases.preprocess import growth, grid_of
-from bfrt.grid.slabs import Slabs
-from bfrt.grid.voxel_rays import VoxelRays
+from bfrt.phases.preprocess import grid_of, growth
 from bfrt.records import HIT, INDEX_BITS, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
 from bfrt.reference.independent import Objects, agree, stable

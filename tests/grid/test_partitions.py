@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scenes import units
 
+from bfrt.grid.marks import Layout, marks_path
 from bfrt.grid.partition import Limits, cut, partition, resolution, uppers_of
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects
 from bfrt.store.extent import Bounds
-from bfrt.grid.marks import Layout, marks_path
 
 BRICK = 512
 

@@ -8,10 +8,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfrt.grid.bricks import pack
+from bfrt.grid.bricks import BRICK, BRICK_BYTES, pack
+from bfrt.grid.marks import bricks_of
 from bfrt.grid.partition import subspaces
 from bfrt.grid.slabs import cuts_of, table_of
-from bfrt.grid.marks import BRICK, BRICK_BYTES, bricks_of
 
 DARK = 1 << 6
 

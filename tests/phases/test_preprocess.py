@@ -11,12 +11,13 @@ from boxes import boxes_of
 from scenes import random_objects
 
 import bfrt
+from bfrt.grid.bricks import BRICK, BRICK_BYTES
 from bfrt.grid.grid import Grid
-from bfrt.phases._preprocess import mark
-from bfrt.traced_group import Field
+from bfrt.grid.marks import marks_path, open_marks
 from bfrt.grid.partition import partition_of
-from bfrt.phases.preprocess import grid_of, layout_of
 from bfrt.grid.subspace import Subspace
+from bfrt.phases._preprocess import mark
+from bfrt.phases.preprocess import grid_of, layout_of
 from bfrt.records import Kind
 from bfrt.scan.files import StreamFiles
 from bfrt.scan.scan import StreamScan
@@ -24,8 +25,8 @@ from bfrt.scan.scans import GroupScans
 from bfrt.settings import REFINEMENTS, Settings
 from bfrt.stats import Counters
 from bfrt.store.hierarchy import Hierarchy
-from bfrt.grid.marks import BRICK, BRICK_BYTES, marks_path, open_marks
 from bfrt.store.store import open_store
+from bfrt.traced_group import Field
 from bfrt.workers import Workers
 
 #: A voxel's bits that are marks.

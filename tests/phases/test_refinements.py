@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import bfrt
 from bfrt.errors import SettingError, StoreError
-from bfrt.grid.grid import Grid
 from bfrt.grid._hierarchy_walk import HierarchyWalk
+from bfrt.grid.grid import Grid
 from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.records import ON_REQUEST, PARENT, Kind
 from bfrt.settings import REFINEMENTS

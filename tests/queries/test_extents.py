@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import bfrt
 from bfrt.errors import SceneError
-from bfrt.framing import framing_camera
 from bfrt.records import INDEX_BITS, NO_HIT
 from bfrt.reference.exhaustive import nearest
 from bfrt.store.extent import SMALLEST
@@ -75,7 +74,7 @@ def test_any_scene_is_refused_or_traced(
     ends = spread(rng, 120, size, np.add(place, 0), ())
     starts = spread(rng, 120, size * 3, place, ())
     hits = bfrt.cast_rays(scene, starts, ends - starts, memory="128MiB", threads=1)
-    t, ids = nearest(scene, starts - scene.origin, ends - starts)
+    t, ids = nearest(scene.store, starts - scene.origin, ends - starts)
     missed = hits["geometry_ids"] < 0
     found = hits["geometry_ids"].astype(np.uint64) << np.uint64(INDEX_BITS)
     found |= hits["primitive_ids"].astype(np.uint64)
@@ -83,7 +82,7 @@ def test_any_scene_is_refused_or_traced(
     np.testing.assert_array_equal(np.where(missed, np.uint64(NO_HIT), found), ids)
     assert np.isfinite(hits["primitive_normals"]).all()
     if scene.bounds.diagonal:
-        view = framing_camera(scene, resolution=(6, 4))
+        view = scene.framing_camera(resolution=(6, 4))
         assert bfrt.render(scene, camera=view, memory="128MiB", threads=1).shape == (4, 6)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import bfrt
-from bfrt.scan.deferred import DELAYS_BYTES
 from bfrt.records import DELAYED_BYTES
 from bfrt.reference import exhaustive
+from bfrt.scan.deferred import DELAYS_BYTES
 from bfrt.store.store import open_store
 
 #: So many rays wait before the first are settled.

@@ -59,13 +59,14 @@ def scans_of(store, workers, lazy=True):
 
 
 class Given:
-    """Chooses ranges that are given."""
+    """Chooses ranges that are given, a few at a time, whatever is asked for."""
 
     def __init__(self, ranges):
-        self.left = iter(np.array_split(ranges, 30))
+        few = max(1, len(ranges) // 30)
+        self.left = (ranges[first : first + few] for first in range(0, len(ranges), few))
 
     def choose(self, ranges, objects, parents):
-        some = next(self.left, ())
+        some = next(self.left, ranges[:0])
         ranges[: len(some)] = some
         return len(some)
 

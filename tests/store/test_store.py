@@ -13,11 +13,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import random_objects
 
+import bfrt
 from bfrt.errors import StoreError, StreamError
+from bfrt.grid.marks import Layout, marks_path, writing_marks
 from bfrt.ids import object_id
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store.header import header_text
-from bfrt.grid.marks import Layout, marks_path, writing_marks
 from bfrt.store.model import Camera, Light, Material
 from bfrt.store.store import has_magic, open_store
 from bfrt.store.writer import StoreWriter
@@ -150,8 +151,8 @@ def test_a_header_that_may_not_be_read(path):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("version", 1, "found format version 1, expected 3: convert the scene again"),
-        ("version", "1", "found format version '1', expected 3"),
+        ("version", 1, "found format version 1, expected 4: convert the scene again"),
+        ("version", "1", "found format version '1', expected 4"),
         ("magic", "another", "found 'another', expected 'bfrt scene store'"),
         ("magic", ["x"] * 999, "expected 'bfrt scene store'"),
     ],
@@ -166,17 +167,17 @@ def test_another_version_or_magic(path, key, value, message):
 
 
 DEEP = b"[" * 100_000
-NESTED = b'{"magic": "bfrt scene store", "version": 3, "x": ' + b"[" * 900 + b"]" * 900 + b"}"
+NESTED = b'{"magic": "bfrt scene store", "version": 4, "x": ' + b"[" * 900 + b"]" * 900 + b"}"
 
 
 @given(data=st.binary(max_size=200))
 @example(data=b"")
 @example(data=b"null")
 @example(data=b'{"magic": "bfrt scene store"}')
-@example(data=b'{"magic": "bfrt scene store", "version": 3}')
-@example(data=b'{"magic": "bfrt scene store", "version": 3, "checksum": NaN}')
-@example(data=b'{"magic": "bfrt scene store", "version": 3, "checksum": 1e999}')
-@example(data=b'{"magic": "bfrt scene store", "version": 3, "x": "\\ud800"}')
+@example(data=b'{"magic": "bfrt scene store", "version": 4}')
+@example(data=b'{"magic": "bfrt scene store", "version": 4, "checksum": NaN}')
+@example(data=b'{"magic": "bfrt scene store", "version": 4, "checksum": 1e999}')
+@example(data=b'{"magic": "bfrt scene store", "version": 4, "x": "\\ud800"}')
 @example(data=b'{"magic": {}, "version": ' + b"9" * 5000 + b"}")
 @example(data=b"\xff\xfe{\x00}\x00")
 @example(data=DEEP)
@@ -301,7 +302,7 @@ def used(store):
         (("lights", 0), [], "lights: found [], expected a list of 2"),
         (("palette", "bytes"), 97, "palette: found 97 bytes"),
         (("more",), 1, "expected an object with magic, version, origin"),
-        (("version",), 3.0, "version: found 3.0, expected a whole number"),
+        (("version",), 4.0, "version: found 4.0, expected a whole number"),
     ],
 )
 def test_a_malformed_field_is_named(path, way, value, message):
@@ -328,8 +329,8 @@ def test_what_is_whole_is_not_refused(path):
 
 @pytest.mark.parametrize("name", [*NAMES, "0/marks", "scene.json"])
 def test_a_flipped_bit_anywhere(path, name):
-    store = open_store(path)
-    store.verify()
+    scene = bfrt.open(path)
+    scene.verify()
     file = path / name
     whole = file.read_bytes()
     for at in range(len(whole)):
@@ -337,10 +338,10 @@ def test_a_flipped_bit_anywhere(path, name):
         broken[at] ^= 1 << (at * 5 + 3) % 8
         file.write_bytes(broken)
         with pytest.raises(StoreError) as caught:
-            store.verify()
+            scene.verify()
         assert str(path) in str(caught.value)
     file.write_bytes(whole)
-    store.verify()
+    scene.verify()
 
 
 def test_records_in_another_order(path):

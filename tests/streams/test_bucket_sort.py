@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfrt.streams import parting
+from bfrt.streams import bucket_sort
 from bfrt.streams.bucket_sort import gathered, parted
 from bfrt.streams.spool import Spool
 
@@ -45,7 +45,7 @@ def loads(spool, first, last, room):
 )
 def test_parts_ascend_and_fit(values, room, memory, parts):
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parting, "PARTS", parts)
+        patch.setattr(bucket_sort, "PARTS", parts)
         spool = spool_of(values, memory, folder)
         found = list(loads(spool, -7, 301, room))
         assert len(spool) == 0
@@ -61,7 +61,7 @@ def test_parts_ascend_and_fit(values, room, memory, parts):
 
 
 def test_parted_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(parting, "PARTS", 4)
+    monkeypatch.setattr(bucket_sort, "PARTS", 4)
     spool = spool_of([*range(40)] * 5, 0, tmp_path)
     found = [gathered(part, 999) for part in parted(spool, numbers, 0, 40, 10, once=True)]
     assert [len(part) for part in found] == [50] * 4
