@@ -14,11 +14,27 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
-if TYPE_CHECKING:
-    from bfrt.scan.scans import GroupScans
-    from bfrt.streams.spool import Spool
+
+class Scans(Protocol):
+    """What reads objects, and knows how much it has read since it was asked last."""
+
+    def counts(self) -> tuple[int, int]:
+        """Bytes read, and seeks."""
+        ...
+
+    def geometry_read(self) -> int:
+        """Objects whose geometry was read."""
+        ...
+
+
+class Spool(Protocol):
+    """What writes and reads records, and knows how much since it was asked last."""
+
+    def counts(self) -> tuple[int, int, int]:
+        """Bytes read, bytes written and seeks."""
+        ...
 
 
 @dataclass
@@ -38,7 +54,7 @@ class Phase:
         finally:
             self.seconds += time.perf_counter() - start
 
-    def swept(self, scans: GroupScans) -> None:
+    def swept(self, scans: Scans) -> None:
         """Take over what sweeps have read."""
         read, seeks = scans.counts()
         self.bytes_read += read
@@ -87,7 +103,7 @@ class Counters:
     voxel_steps: int = 0
     seconds: float = 0.0
 
-    def sweep(self, boxes: int, scans: GroupScans, begins: bool = True) -> None:
+    def sweep(self, boxes: int, scans: Scans, begins: bool = True) -> None:
         """Count one pass, or more of one, with so many boxes read, and what geometry was."""
         self.passes += begins
         self.boxes_read += boxes

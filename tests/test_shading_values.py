@@ -699,8 +699,8 @@ def test_grazing_light_makes_no_spots(written, name, size, offset, dtype, side):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_grazing_light_far_from_the_origin_of_the_store(written, name):
-    """As far as a million times its size; where a ray begins shows in the fifth digit."""
-    close(*lit_and_expected(written, name, 1.0, FAR, 1, origin=(0, 0, 0)), rtol=1e-4)
+    """As far as a million times its size."""
+    close(*lit_and_expected(written, name, 1.0, FAR, 1, origin=(0, 0, 0)))
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -708,16 +708,12 @@ def test_grazing_light_as_far_as_float64_tells_apart(written, name):
     """A million million times its size from the store's origin, where coordinates are multiples of
     2^-12 of it: n.l is right to about as much."""
     image, lit = lit_and_expected(written, name, TINY, FAR, 1, origin=(0, 0, 0))
-    close(image, lit, rtol=0, atol=INTENSITY[3] * 1024 / 2**10)
+    close(image, lit, rtol=0, atol=INTENSITY[3] * 1024 / 2**12)
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_grazing_light_near_the_surface_of_a_very_large_ball(written, dtype):
-    """As on a planet: eye, lamps and view are a millionth of its radius.
-
-    The light is taken from where a shadow ray begins, about 2^-44 of all magnitudes above the
-    surface: 5e-7 here, where the lowest lamp is 1.5e-3 above it.
-    """
+    """As on a planet: eye, lamps and view are a millionth of its radius."""
     camera = Camera((0.5, -1.5, 1), (0, 0, 0), angle=20, resolution=(16, 16))
     lights = [
         Light((8, 3, 8.5 / math.tan(math.radians(angle))), tint) for angle, tint in GRAZING.items()
@@ -727,7 +723,7 @@ def test_grazing_light_near_the_surface_of_a_very_large_ball(written, dtype):
     normal = (place - (0, 0, -HUGE)) / HUGE
     lit = shade(camera.eye, place, normal, WHITE, lights)
     assert (lit > INTENSITY[3]).all()
-    close(rendered(written([planet], lights, dtype=dtype), camera).rgb, film(lit), rtol=1e-4)
+    close(rendered(written([planet], lights, dtype=dtype), camera).rgb, film(lit))
 
 
 # --- camera and film ---------------------------------------------------------------------------
