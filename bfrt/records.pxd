@@ -14,6 +14,7 @@ cdef enum:
     TRIANGLE = 2
     PATCH = 3
     POLYGON = 4
+    KINDS = 5
 
 cdef enum:
     EYE = 0
@@ -22,6 +23,7 @@ cdef enum:
     SHADOW = 3
 
 cdef enum:
+    VOXEL_BITS = 30
     RAY_BITS = 21
     FACE_BITS = 3
     INDEX_BITS = 48
@@ -89,8 +91,16 @@ cdef packed struct Hit:
     uint16_t kind
     int16_t power
 
-# A Hit as queries use it: which ray it is, the t that belongs to its origin, hits counted.
-cdef packed struct Asked:
+# The path of a ray that somebody asks about: which one it is, the t that belongs to its origin.
+cdef packed struct QueryPath:
+    uint64_t number
+    double moved
+    uint32_t count  # hits, where they are counted
+    uint16_t kind
+    int16_t power   # of two, by which the direction was divided
+
+# A Hit with such a path.
+cdef packed struct QueryRay:
     double ox
     double oy
     double oz
@@ -103,7 +113,7 @@ cdef packed struct Asked:
     double moved
     uint32_t count
     uint16_t kind
-    int16_t power   # of two, by which the direction was divided
+    int16_t power
 
 # A ray that has met an object's box, and waits for its geometry.
 cdef packed struct Delayed:

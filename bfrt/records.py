@@ -14,7 +14,8 @@ HIT             88  an intersection that waits for shading
 CANDIDATE        8  voxel (30 bits), ray (21), face (3): a ray stored in a voxel
 MATERIAL        32  a material of the palette
 PARENT          32  a box of a hierarchy's level: around its children, and where they end
-ASKED           88  a HIT whose path tells of a ray that somebody asks about
+QUERY_PATH      24  a PATH of a ray that somebody asks about: its number, hits counted
+QUERY_RAY       88  a HIT with a QUERY_PATH
 CROSSING        24  a place where a ray in flight crosses an object
 DELAYED         24  a ray in flight that has met a box, and waits for the object's geometry
 ===========  =====  ==========================================================================
@@ -52,10 +53,13 @@ class RayKind(enum.IntEnum):
     SHADOW = 3
 
 
+KINDS = len(Kind)
+
 #: Coordinates of one record; a polygon's is one vertex.
 SCALARS = {Kind.SPHERE: 4, Kind.CONE: 8, Kind.TRIANGLE: 9, Kind.PATCH: 18, Kind.POLYGON: 3}
 
 _LINE = [(name, "<f8") for name in ("ox", "oy", "oz", "dx", "dy", "dz")]
+_NEAREST = [("t", "<f8"), ("id", "<u8")]
 _PATH = [
     ("pixel", "<u4"),
     ("sample", "<u4"),
@@ -65,12 +69,19 @@ _PATH = [
     ("kind", "<u2"),
     ("power", "<i2"),
 ]
+_QUERY_PATH = [
+    ("number", "<u8"),
+    ("moved", "<f8"),
+    ("count", "<u4"),
+    ("kind", "<u2"),
+    ("power", "<i2"),
+]
 
+LINE = np.dtype(_LINE)
 RAY = np.dtype(
     [
         *_LINE,
-        ("t", "<f8"),
-        ("id", "<u8"),
+        *_NEAREST,
         ("voxel", "<u4"),
         ("face", "u1"),
         ("kind", "u1"),
@@ -80,19 +91,9 @@ RAY = np.dtype(
 )
 PATH = np.dtype(_PATH)
 QUEUED = np.dtype(_LINE + _PATH)
-HIT = np.dtype([*_LINE, ("t", "<f8"), ("id", "<u8"), *_PATH])
-ASKED = np.dtype(
-    [
-        *_LINE,
-        ("t", "<f8"),
-        ("id", "<u8"),
-        ("number", "<u8"),
-        ("moved", "<f8"),
-        ("count", "<u4"),
-        ("kind", "<u2"),
-        ("power", "<i2"),
-    ]
-)
+HIT = np.dtype(_LINE + _NEAREST + _PATH)
+QUERY_PATH = np.dtype(_QUERY_PATH)
+QUERY_RAY = np.dtype(_LINE + _NEAREST + _QUERY_PATH)
 CROSSING = np.dtype([("t", "<f8"), ("id", "<u8"), ("ray", "<u4"), ("unused", "<u4")])
 DELAYED = np.dtype([("id", "<u8"), ("first", "<i8"), ("count", "<u4"), ("ray", "<u4")])
 MATERIAL = np.dtype(
@@ -119,7 +120,8 @@ RAY_BYTES = 72
 PATH_BYTES = 24
 QUEUED_BYTES = 72
 HIT_BYTES = 88
-ASKED_BYTES = 88
+QUERY_PATH_BYTES = 24
+QUERY_RAY_BYTES = 88
 CROSSING_BYTES = 24
 DELAYED_BYTES = 24
 CANDIDATE_BYTES = 8
@@ -153,7 +155,8 @@ for _dtype, _bytes in (
     (PATH, PATH_BYTES),
     (QUEUED, QUEUED_BYTES),
     (HIT, HIT_BYTES),
-    (ASKED, ASKED_BYTES),
+    (QUERY_PATH, QUERY_PATH_BYTES),
+    (QUERY_RAY, QUERY_RAY_BYTES),
     (CROSSING, CROSSING_BYTES),
     (DELAYED, DELAYED_BYTES),
     (MATERIAL, MATERIAL_BYTES),

@@ -33,7 +33,8 @@ TWINS = {
     "Path": (records.PATH, 24),
     "Queued": (records.QUEUED, 72),
     "Hit": (records.HIT, 88),
-    "Asked": (records.ASKED, 88),
+    "QueryPath": (records.QUERY_PATH, 24),
+    "QueryRay": (records.QUERY_RAY, 88),
     "Delayed": (records.DELAYED, 24),
     "Crossing": (records.CROSSING, 24),
     "Material": (records.MATERIAL, 32),
@@ -65,7 +66,23 @@ def test_struct_is_its_dtype(name):
     )
     assert twin == dtype
     assert twin.fields == dtype.fields  # offsets too
-    assert dtype.itemsize == size == getattr(records, f"{name.upper()}_BYTES")
+    constant = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).upper()
+    assert dtype.itemsize == size == getattr(records, f"{constant}_BYTES")
+
+
+def test_a_query_s_ray_is_a_hit_with_another_path():
+    """What traces the one traces the other: they differ in their last bytes alone."""
+    shared = [name for name in records.HIT.names if name not in records.PATH.names]
+    assert shared == [*records.LINE.names, "t", "id"]
+    for name in [*shared, "kind", "power"]:
+        assert records.QUERY_RAY.fields[name] == records.HIT.fields[name]
+    start = records.HIT_BYTES - records.PATH_BYTES
+    for record, path in (("HIT", records.PATH), ("QUERY_RAY", records.QUERY_PATH)):
+        own = getattr(records, record).fields
+        assert {name: (kind, start + at) for name, (kind, at) in path.fields.items()} == {
+            name: own[name] for name in path.names
+        }
+    assert all(records.RAY.fields[name] == field for name, field in records.LINE.fields.items())
 
 
 def settled(hits):
@@ -97,8 +114,8 @@ def test_enumerations_are_the_same():
         assert found[kind.name] == kind
     for why in records.RayKind:
         assert found[why.name] == why
-    named = ("RAY_BITS", "FACE_BITS", "INDEX_BITS", "BOX_BYTES", "CODE_BYTES", "OFFSET_BYTES",
-             "KIND_BITS", "STREAM_BITS")  # fmt: skip
+    named = ("KINDS", "VOXEL_BITS", "RAY_BITS", "FACE_BITS", "INDEX_BITS", "KIND_BITS",
+             "STREAM_BITS", "BOX_BYTES", "CODE_BYTES", "OFFSET_BYTES")  # fmt: skip
     for name in named:
         assert found[name] == getattr(records, name)
     assert len(found) == len(records.Kind) + len(records.RayKind) + len(named)

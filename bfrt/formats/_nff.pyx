@@ -25,6 +25,7 @@ from bfrt.formats.text cimport (
     POINT, RETURN, SPACE, STARVED, TOKEN_BYTES, Text, Tokens, consume, find_token, measure,
     pass_blanks, read_integer, read_number,
 )
+from bfrt.records cimport KINDS
 
 import numpy as np
 
@@ -82,7 +83,6 @@ cdef enum:
 cdef enum:
     COUNT_LIMIT = 1 << 20
     RESOLUTION_LIMIT = 65535
-    KINDS = 5
     # What a step of the loop ends with, if not with an Event.
     GO_ON = -3
     GROW = -4

@@ -5,8 +5,6 @@ import numpy.typing as npt
 
 from bfrt.formats.text import Tokens
 
-MOST_CORNERS: int
-
 class Fault(enum.IntEnum):
     NO_NUMBER = 1
     FEW_NUMBERS = 2

@@ -9,8 +9,8 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memchr
 
 from bfrt.formats.text cimport (
-    FOUND, HASH, MINUS, NEWLINE, NUL, PLUS, RETURN, SPACE, Tokens, consume, is_blank, measure,
-    pass_blanks, read_any_number,
+    FOUND, HASH, MINUS, MOST_CORNERS, NEWLINE, NUL, PLUS, RETURN, SPACE, Tokens, consume, is_blank,
+    measure, pass_blanks, read_any_number,
 )
 
 import re
@@ -19,7 +19,6 @@ import numpy as np
 
 cdef enum:
     COLUMNS = 6
-    LONGEST = 1 << 20
     BACKSLASH = 92
     SLASH = 47
 
@@ -36,10 +35,9 @@ cpdef enum Statement:
     MATERIAL
     LIBRARY
 
-MOST_CORNERS = LONGEST
 
 #: Where a line goes on in the next.
-GOES_ON = re.compile(rb"\\(\r\n|\r|\n)")
+_GOES_ON = re.compile(rb"\\(\r\n|\r|\n)")
 
 # Statements that shape nothing bfrt draws, or only how it is shaded or named.
 cdef const char *PASSED[20]
@@ -243,7 +241,7 @@ cdef class Lines(Tokens):
         while self.in_line():
             if not self.read_corner(&index):
                 return 0
-            if count == LONGEST:
+            if count == MOST_CORNERS:
                 return self.fail(MANY_CORNERS)
             self.out_corners[self.corners + count] = index
             count += 1
@@ -326,5 +324,5 @@ cdef class Lines(Tokens):
         kind = Statement.MATERIAL if self.is_word(b"usemtl") else Statement.LIBRARY
         cdef unsigned char *begin = self.text.token + self.text.length
         self.skip_line()
-        text = GOES_ON.sub(b" ", begin[:self.text.at - begin])
+        text = _GOES_ON.sub(b" ", begin[:self.text.at - begin])
         self.statements.append((self.counts, kind, text.strip()))

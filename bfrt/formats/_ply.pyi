@@ -8,7 +8,6 @@ import numpy.typing as npt
 from bfrt.formats.text import Tokens
 
 MOST_PROPERTIES: int
-MOST_CORNERS: int
 
 class Fault(enum.IntEnum):
     BAD_NUMBER = 1

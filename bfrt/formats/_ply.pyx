@@ -11,7 +11,7 @@ from libc.math cimport floor
 from libc.stdint cimport int8_t, int16_t, int32_t, int64_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy
 
-from bfrt.formats.text cimport FOUND, Tokens, find_token, read_any_number
+from bfrt.formats.text cimport FOUND, MOST_CORNERS, Tokens, find_token, read_any_number
 
 import numpy as np
 
@@ -36,14 +36,12 @@ cpdef enum Fault:
 
 cdef enum:
     MOST = 4096  # properties of an element
-    LONGEST = 1 << 20
     # What a value ends with.
     GOT = 0
     DRY = -2
     BAD = -3
 
 MOST_PROPERTIES = MOST
-MOST_CORNERS = LONGEST
 
 cdef int SIZES[10]
 SIZES[:] = [1, 1, 2, 2, 4, 4, 4, 8, 8, 8]
@@ -284,7 +282,7 @@ cdef class Rows(Tokens):
             self.found = x
             if not 0 <= x < 1e15 or x != floor(x):
                 return self.fail(NEGATIVE_COUNT)
-            if wanted and not self.strips and x > LONGEST:
+            if wanted and not self.strips and x > MOST_CORNERS:
                 return self.fail(LONG_FACE)
             self.left = <int64_t>x
         if wanted and self.is_plain(kind):

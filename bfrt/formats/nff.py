@@ -48,10 +48,10 @@ from bfrt.formats._nff import (
 )
 from bfrt.formats.encoding import Decoder
 from bfrt.formats.object_writer import SceneSink
+from bfrt.formats.source import CHUNK_BYTES
 from bfrt.records import Kind
 from bfrt.store.model import Camera, Light, Material, Vector
 
-CHUNK_BYTES = 1 << 20
 BLOCK_OBJECTS = 16384
 
 _XYZ = ("x", "y", "z")

@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats._obj import MOST_CORNERS, Fault, Lines, Statement
+from bfrt.formats._obj import Fault, Lines, Statement
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
 from bfrt.formats.object_writer import Outlet, SceneSink
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import POINTS, RGB, Reading
 from bfrt.formats.source import Report, Source, shown
+from bfrt.formats.text import MOST_CORNERS
 from bfrt.store.model import Material
 
 log = logging.getLogger(__name__)

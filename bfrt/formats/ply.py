@@ -21,12 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats._ply import MOST_CORNERS, MOST_PROPERTIES, Fault, Rows
+from bfrt.formats._ply import MOST_PROPERTIES, Fault, Rows
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.object_writer import Outlet, SceneSink, cast
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
 from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown
+from bfrt.formats.text import MOST_CORNERS
+from bfrt.records import INDEX_BITS
 
 log = logging.getLogger(__name__)
 
@@ -335,8 +337,8 @@ class Begun(NamedTuple):
 
 def _element(words: list[str], before: Container[str], where: str) -> tuple[str, Begun]:
     fits = len(words) == 3 and words[2].isascii() and words[2].isdigit() and len(words[2]) < 20
-    if not fits or int(words[2]) >= 1 << 48:
-        raise SceneError(f"{where} element, a name, and a count of 0 to 2^48")
+    if not fits or int(words[2]) >= 1 << INDEX_BITS:
+        raise SceneError(f"{where} element, a name, and a count of 0 to 2^{INDEX_BITS}")
     if words[1] in before:
         raise SceneError(f"{where} each element once")
     return words[1], Begun(int(words[2]), {})

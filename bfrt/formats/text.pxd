@@ -36,6 +36,9 @@ cdef enum:
     LOWER_E = 101
     LAST_ASCII = 126
 
+cpdef enum:
+    MOST_CORNERS = 1 << 20  # of a face of a mesh
+
 # What a look at the text ends with. Never -1, which is an exception.
 cdef enum Look:
     STARVED = -2  # the token may go on in the next chunk

@@ -1,3 +1,5 @@
+MOST_CORNERS: int
+
 class Tokens:
     @property
     def line(self) -> int: ...

@@ -11,12 +11,13 @@ from bfrt.grid.nearby cimport rays_near
 from bfrt.grid.subspace cimport Subspace, box_near
 from bfrt.grid.voxel_rays cimport VoxelRays
 from bfrt.records cimport BOX_BYTES, Parent
+from bfrt.store._hierarchy cimport MOST_LEVELS
 from bfrt.streams.reader cimport Reader, skip, take
 from bfrt.errors import StoreError
 from bfrt.streams.reader import Tape
 
 cdef enum:
-    LEVELS = 9  # the objects' own boxes, and MOST_LEVELS of bfrt.store.hierarchy
+    LEVELS = MOST_LEVELS + 1  # with that of the objects' own boxes
     PARENT_BYTES = sizeof(Parent)
     JOINED = 1024  # objects of neighboring parents that make one range; more make work uneven
 
@@ -35,7 +36,7 @@ cdef class HierarchyWalk:
         Bytes of each level's read buffer.
     """
 
-    cdef readonly tuple tapes
+    cdef tuple tapes
     cdef list readers          # whose they are:
     cdef void* reader[LEVELS]  # of level 1, 2, ...
     cdef object path

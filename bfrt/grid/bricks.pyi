@@ -10,6 +10,6 @@ EMPTY_BRICK: int
 CUBE_SHIFT: int
 EMPTY_CUBE: int
 
-Bytes = NDArray[np.uint8]
-
-def pack(marks: Bytes, bricks: Bytes, occupied: Bytes) -> int: ...
+def pack(
+    marks: NDArray[np.uint8], bricks: NDArray[np.uint8], occupied: NDArray[np.uint8]
+) -> int: ...

@@ -5,6 +5,7 @@ from bfrt.grid.grid import Grid
 from bfrt.grid.marks import Marks
 from bfrt.workers import Workers
 
+TOGETHER: int
 TABLED_BYTES: float
 
 def table_of(occupied: NDArray[np.uint8]) -> NDArray[np.int32]: ...

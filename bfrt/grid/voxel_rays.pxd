@@ -18,7 +18,7 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.bits cimport lowest_bit
 from bfrt.grid.planes cimport Range
-from bfrt.records cimport FACE_BITS, RAY_BITS
+from bfrt.records cimport FACE_BITS, RAY_BITS, VOXEL_BITS
 
 cdef enum:
     LEVELS = 8
@@ -72,7 +72,7 @@ cdef inline uint64_t entry_of(uint32_t voxel, uint32_t ray, int face) noexcept n
 
 
 cdef inline uint32_t entry_voxel(uint64_t entry) noexcept nogil:
-    return <uint32_t>(entry >> (RAY_BITS + FACE_BITS)) & 0x3FFFFFFF
+    return <uint32_t>(entry >> (RAY_BITS + FACE_BITS)) & ((1 << VOXEL_BITS) - 1)
 
 
 cdef inline uint32_t entry_ray(uint64_t entry) noexcept nogil:

@@ -15,7 +15,7 @@ import numpy as np
 from bfrt.records import NO_HIT
 
 # Contributions are in units of 2^-32 (film.pxd).
-UNIT = 2.0**32
+_UNIT = 2.0**32
 
 
 @cython.final
@@ -106,7 +106,7 @@ cdef class Film:
             mean = (upper[:, :width] + upper[:, 1:]) + (lower[:, :width] + lower[:, 1:])
         else:
             mean = sums[first:last] / self.samples
-        color = (mean / UNIT).astype(np.float32)
+        color = (mean / _UNIT).astype(np.float32)
         channels = {name: color[:, :, k] for k, name in enumerate("RGBA")}
         for names, plane in (
             (("Z", "N.X", "N.Y", "N.Z"), self.depth_normal),

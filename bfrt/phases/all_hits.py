@@ -9,12 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import ASKED, CROSSING, HIT_BYTES, PATH_BYTES, RAY_BYTES
+from bfrt.records import CROSSING, LINE, QUERY_PATH, QUERY_RAY, RAY, plain
 
 #: Crossings that a thread gathers before it hands them over.
 ROOM = 4096
 
-LINE_BYTES = 48
+#: A query's ray by what is copied at once.
+PARTS = np.dtype(
+    [
+        ("line", f"V{LINE.itemsize}"),
+        ("t", "<f8"),
+        ("id", "<u8"),
+        ("path", f"V{QUERY_PATH.itemsize}"),
+    ]
+)
+
+#: A ray in flight, of which its line is copied at once.
+LINE_OF_RAY = np.dtype(
+    {"names": ["line"], "formats": [f"V{LINE.itemsize}"], "itemsize": RAY.itemsize}
+)
 
 Buffer = tuple[NDArray[Any], Callable[[int], None]]
 
@@ -25,8 +38,8 @@ class Crossings:
     Parameters
     ----------
     take : callable, optional
-        Called with crossings (n,) of records.ASKED, by any thread. Without, they are counted, in
-        the rays' own records.
+        Called with crossings (n,) of records.QUERY_RAY, by any thread. Without, they are counted,
+        in the rays' own records.
     """
 
     def __init__(self, take: Callable[[NDArray[Any]], None] | None = None) -> None:
@@ -35,10 +48,8 @@ class Crossings:
 
     def fly(self, rays: NDArray[Any], paths: NDArray[Any]) -> None:
         """Know the rays in flight, (capacity,) of records.RAY and records.PATH."""
-        self._lines = rays.view(np.uint8).reshape(-1, RAY_BYTES)[:, :LINE_BYTES]
-        self._paths = paths.view(np.uint8).reshape(-1, PATH_BYTES)
-        start = ASKED.fields["count"][1] - (HIT_BYTES - PATH_BYTES)  # type: ignore[index]
-        self._counts = self._paths[:, start : start + 4].view("<u4")[:, 0]
+        self._lines = rays.view(LINE_OF_RAY)["line"]
+        self._paths = paths.view(QUERY_PATH)
 
     def buffer(self) -> Buffer:
         """Room for one thread's crossings, and what it calls when they are so many."""
@@ -49,12 +60,11 @@ class Crossings:
         rays = found["ray"]
         if self._take is None:
             with self._counting:
-                np.add.at(self._counts, rays, 1)
+                np.add.at(self._paths["count"], rays, 1)
             return
-        asked = np.empty(len(found), ASKED)
-        memory = asked.view(np.uint8).reshape(-1, HIT_BYTES)
-        memory[:, :LINE_BYTES] = self._lines[rays]
-        memory[:, HIT_BYTES - PATH_BYTES :] = self._paths[rays]
+        asked = np.empty(len(found), PARTS)
+        asked["line"] = self._lines[rays]
         asked["t"] = found["t"]
         asked["id"] = found["id"]
-        self._take(asked)
+        asked["path"] = plain(self._paths)[rays]
+        self._take(asked.view(QUERY_RAY))

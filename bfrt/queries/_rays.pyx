@@ -7,7 +7,7 @@ from bfrt.geometry.far cimport Bounds, advance_far, bounds_of, scale_extreme
 from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
 from bfrt.geometry.vector cimport Line, Vec, along, line, smaller, vec
 from bfrt.phases.nearest cimport ray_bad
-from bfrt.records cimport NO_HIT, Asked, Ray
+from bfrt.records cimport NO_HIT, QueryRay, Ray
 from bfrt.scan.geometry cimport GeometryCursor, pick_record
 from bfrt.scan.scan cimport StreamScan
 
@@ -37,7 +37,7 @@ cdef inline double scaled_end(double t_max, int power) noexcept nogil:
 
 def ask(const double[:, ::1] origins, const double[:, ::1] directions, const double[::1] t_min,
         const double[::1] t_max, origin, const double[:, ::1] bounds, uint64_t first, int kind,
-        Asked[::1] out):
+        QueryRay[::1] out):
     """Make the records of rays.
 
     Parameters
@@ -54,7 +54,7 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
         The first ray's number; the others' follow.
     kind : int
         What rays of theirs are.
-    out : (n,) records.ASKED
+    out : (n,) records.QUERY_RAY
         OUT. Far origins are brought nearer (exactness rule 6); `moved` is the t of that. Extreme
         directions are divided by two to the `power`, by which each t of theirs is multiplied.
 
@@ -68,7 +68,7 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     cdef Line l
     cdef Vec d
     cdef Ray r
-    cdef Asked* a
+    cdef QueryRay* a
     cdef double x = origin[0], y = origin[1], z = origin[2]
     cdef int64_t i, bad = 0
     cdef int power
@@ -98,12 +98,12 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     return bad
 
 
-def surfaces(StreamScan scan, const Asked[::1] hits, float[:, ::1] normals, float[:, ::1] uvs):
+def surfaces(StreamScan scan, const QueryRay[::1] hits, float[:, ::1] normals, float[:, ::1] uvs):
     """Find the surfaces at hits on the objects that the scan picks: only those are read.
 
     Parameters
     ----------
-    hits : (n,) records.ASKED
+    hits : (n,) records.QUERY_RAY
         IN. Ascending by id.
     normals, uvs : (n, 3), (n, 2) float32
         OUT. Unit geometric normals; barycentric u and v of triangles and patches, else 0.
@@ -111,7 +111,7 @@ def surfaces(StreamScan scan, const Asked[::1] hits, float[:, ::1] normals, floa
     cdef GeometryCursor g = scan.geometry
     cdef int64_t i
     cdef uint64_t id = NO_HIT
-    cdef const Asked* h
+    cdef const QueryRay* h
     cdef const unsigned char* record
     cdef Shape shape
     cdef Surface s

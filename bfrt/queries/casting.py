@@ -31,7 +31,7 @@ from bfrt.progress import Progress, Report, tell
 from bfrt.queries._rays import surfaces
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
 from bfrt.queries.rays import AskedRays, Block, Given, rays_of
-from bfrt.records import ASKED, HIT, NO_HIT, QUEUED_BYTES, RayKind
+from bfrt.records import HIT, NO_HIT, QUERY_RAY, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
@@ -283,7 +283,7 @@ class Forward:
         self._take = take
 
     def append(self, records: NDArray[Any]) -> None:
-        self._take(records.view(ASKED))
+        self._take(records.view(QUERY_RAY))
 
 
 class Answers:
@@ -321,7 +321,7 @@ class Surfaces:
 
     Parameters
     ----------
-    hits : (n,) records.ASKED
+    hits : (n,) records.QUERY_RAY
         Ascending by id.
     workers : Workers
 
@@ -363,7 +363,7 @@ def _resolve(asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]
         groups = asking.tracer.scans
         # Half of them, for what is found takes memory too.
         for records, begins in by_object(hits, groups, max(1, asking.plan.hits // 2)):
-            some = records.view(ASKED)
+            some = records.view(QUERY_RAY)
             found = np.empty(len(some), ANSWER)
             faces = Surfaces(some, asking.tracer.workers)
             for scans in groups:

@@ -16,7 +16,7 @@ from bfrt.formats.npy import NpyArray
 from bfrt.formats.source import Source
 from bfrt.formats.table import Rows
 from bfrt.queries._rays import ask
-from bfrt.records import ASKED, HIT, RayKind
+from bfrt.records import HIT, QUERY_RAY, RayKind
 from bfrt.store.store import Store
 
 #: Rays that are taken from an array at once.
@@ -63,9 +63,9 @@ class AskedRays:
         return 0 if self._block is None else len(self._block[0]) - self._at
 
     def read(self, most: int) -> NDArray[Any]:
-        """The next rays, (n,) of records.HIT with n <= most, whose paths are those of ASKED."""
+        """The next rays, (n,) of records.HIT with n <= most, whose paths are those of QUERY_RAY."""
         n = min(most, len(self))
-        out = np.empty(n, ASKED)
+        out = np.empty(n, QUERY_RAY)
         if self._block is not None:
             part = slice(self._at, self._at + n)
             o, d, near, far = [np.ascontiguousarray(c[part], np.float64) for c in self._block]

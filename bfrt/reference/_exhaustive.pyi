@@ -3,6 +3,8 @@ from numpy.typing import NDArray
 
 from bfrt.scan.geometry import GeometryCursor
 
+LINE_DOUBLES: int
+
 def scale_directions(directions: NDArray[np.float64], powers: NDArray[np.int32]) -> None: ...
 def bring_near(
     origins: NDArray[np.float64],

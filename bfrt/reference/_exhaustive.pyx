@@ -15,6 +15,8 @@ from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
 
 cdef enum:
     TOGETHER = 64     # rays that meet a box before the kernel is called
+
+cpdef enum:
     LINE_DOUBLES = 9
 
 cdef struct Nearest:
@@ -109,7 +111,7 @@ def lines(const double[:, ::1] origins, const double[:, ::1] directions, double[
             )
 
 
-def meet(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, double[::1] t,
+def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] rays, double[::1] t,
          uint64_t[::1] ids):
     """Meet the next n objects of a cursor with every ray.
 
@@ -138,9 +140,11 @@ def meet(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, do
     nearest.id = &ids[0]
     with nogil:
         for _ in range(n):
-            id = (<uint64_t>g.number << INDEX_BITS) + <uint64_t>g.index
-            next_records(g, 1)
-            if not shape_load(g.kind, g.block, vertices_in(g, 0), &g.frame, &shape):
+            id = (<uint64_t>cursor.number << INDEX_BITS) + <uint64_t>cursor.index
+            next_records(cursor, 1)
+            if not shape_load(
+                cursor.kind, cursor.block, vertices_in(cursor, 0), &cursor.frame, &shape
+            ):
                 continue
             shape_bounds(&shape, &box)
             pending = 0
@@ -159,7 +163,7 @@ def meet(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, do
             settle(&met[0], pending, id, &nearest)
 
 
-def cross(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, list found):
+def cross(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] rays, list found):
     """Find all hits of the next n objects of a cursor with every ray.
 
     Parameters
@@ -178,9 +182,9 @@ def cross(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, l
     cdef int64_t k
     cdef int i
     for _ in range(n):
-        id = (<uint64_t>g.number << INDEX_BITS) + <uint64_t>g.index
-        next_records(g, 1)
-        if not shape_load(g.kind, g.block, vertices_in(g, 0), &g.frame, &shape):
+        id = (<uint64_t>cursor.number << INDEX_BITS) + <uint64_t>cursor.index
+        next_records(cursor, 1)
+        if not shape_load(cursor.kind, cursor.block, vertices_in(cursor, 0), &cursor.frame, &shape):
             continue
         shape_bounds(&shape, &box)
         for k in range(rays.shape[0]):

@@ -17,6 +17,7 @@ def spans_of_eight(
     grow: float,
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
+    reach: float = ...,
 ) -> NDArray[np.float64]: ...
 def voxels_of_eight(
     boxes: NDArray[np.float32], grid: Grid

@@ -23,18 +23,24 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SettingError
 from bfrt.phases.preprocess import growth
 from bfrt.records import NO_HIT
-from bfrt.reference._exhaustive import bring_near, cross, lines, meet, scale_directions
+from bfrt.reference._exhaustive import (
+    LINE_DOUBLES,
+    bring_near,
+    cross,
+    lines,
+    meet,
+    scale_directions,
+)
 from bfrt.scan.files import StreamFiles
 from bfrt.scan.geometry import GeometryCursor
+from bfrt.scan.scans import READ_BUFFER
 from bfrt.store.store import Store, Stream
 from bfrt.workers import Workers
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.uint64]
 
-CHUNK = 4096  # rays that a worker sweeps the objects for
-READ_BUFFER = 1 << 18
-LINE_DOUBLES = 9
+RAYS = 4096  # rays that a worker sweeps the objects for
 
 
 def nearest(
@@ -89,7 +95,7 @@ def nearest(
 
     workers = Workers(threads)
     try:
-        workers.run(chunk, len(start), largest=CHUNK)
+        workers.run(chunk, len(start), largest=RAYS)
     finally:
         workers.close()
     beyond = ~(t < np.asarray(t_max, np.float64))

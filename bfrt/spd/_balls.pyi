@@ -4,6 +4,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+CHILDREN: int
+
 def grow(
     center: Sequence[float] | NDArray[np.float64],
     direction: Sequence[float] | NDArray[np.float64],

@@ -7,7 +7,7 @@ import numpy as np
 
 from bfrt.geometry.vector cimport Vec, add, larger, scale, vec
 
-cdef enum:
+cpdef enum:
     CHILDREN = 9
 
 cdef double RATIO = 1.0 / 3.0  # a child's radius, in its parent's

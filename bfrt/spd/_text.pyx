@@ -6,10 +6,9 @@ from libc.string cimport memcpy
 
 import numpy as np
 
-from bfrt.records cimport CONE, PATCH, POLYGON, SPHERE
+from bfrt.records cimport CONE, KINDS, PATCH, POLYGON, SPHERE
 
 cdef enum:
-    KINDS = 5
     NUMBER = 16   # bytes of a number and what divides it from the next, at the most
     OBJECT = 32   # of an object beside its numbers
 

@@ -16,12 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
-from bfrt.spd._balls import children, grow
+from bfrt.spd._balls import CHILDREN, children, grow
 from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
 
-CHILDREN = 9
 RADIUS = 0.5
 
 

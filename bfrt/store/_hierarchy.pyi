@@ -3,6 +3,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_LEVELS: int
+
 class Merger:
     def __init__(self, limit: float, most: int) -> None: ...
     def merge(self, boxes: NDArray[np.float32], out: NDArray[Any]) -> int: ...

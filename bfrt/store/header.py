@@ -15,7 +15,7 @@ from typing import Any
 
 from bfrt.errors import SceneError
 from bfrt.records import INDEX_BITS, Kind
-from bfrt.store.hierarchy import MOST_LEVELS
+from bfrt.store._hierarchy import MOST_LEVELS
 from bfrt.store.model import Camera, Light, Vector
 
 Check = Callable[[Any], Any]

@@ -34,12 +34,9 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
 from bfrt.records import CODE_BYTES, PARENT
-from bfrt.store._hierarchy import Merger, quantise
+from bfrt.store._hierarchy import MOST_LEVELS, Merger, quantise
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
-
-#: The most levels that a stream may have; each takes a read buffer while a scene is rendered.
-MOST_LEVELS = 8
 
 #: The most objects of a box of the first level, where theirs are quantised in it: so many wait
 #: until it is complete.

@@ -101,7 +101,7 @@ def test_neither_threads_nor_chunks_change_a_bit(tmp_path, monkeypatch):
     expected = exhaustive.nearest(store, origins, directions)
     assert np.isfinite(expected[0]).any()
     for threads, chunk in ((2, 1), (3, 97), (1, 7)):
-        monkeypatch.setattr(exhaustive, "CHUNK", chunk)
+        monkeypatch.setattr(exhaustive, "RAYS", chunk)
         found = exhaustive.nearest(store, origins, directions, threads=threads)
         for a, b in zip(expected, found, strict=True):
             np.testing.assert_array_equal(a, b)
