@@ -15,6 +15,7 @@ from bfrt.cli import parser
 from bfrt.stats import Stats
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+SUFFIXES = {".py", ".pyi", ".pyx", ".pxd"}
 
 
 def page(name):
@@ -90,6 +91,19 @@ def test_a_file_that_a_page_names_is_there(file):
     named = re.findall(r"``(bfrt/[\w./]+|docs/[\w./]+|setup\.py)``", file.read_text())
     root = DOCS.parent
     assert [name for name in named if name != "docs/_build" and not (root / name).exists()] == []
+
+
+SOURCES = [path for path in (DOCS.parent / "bfrt").rglob("*") if path.suffix in SUFFIXES]
+
+
+@pytest.mark.parametrize(
+    "file", sorted(SOURCES), ids=lambda file: f"{file.parent.stem}/{file.name}"
+)
+def test_a_file_that_a_comment_names_is_there(file):
+    """By its way from the repository, or by its name alone; of `x.py` any phase is meant."""
+    root, known = DOCS.parent, {path.name for path in SOURCES} | {"x.py", "_x.pyx"}
+    named = re.findall(r"[\w/]+\.(?:py|pyi|pyx|pxd)\b", file.read_text())
+    assert [n for n in named if n not in known and not (root / n).exists()] == []
 
 
 FUNCTIONS = re.findall(r"``(\w+\.(?:pyx|pxd|py))``: ``([\w.]+)``", page("algorithm"))

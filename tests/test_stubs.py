@@ -76,12 +76,15 @@ def test_what_cython_declares_is_found(text, names):
     assert declared(text) == names
 
 
-def test_a_stub_that_differs_is_told():
-    assert stubbed(
-        "class A:\n    n: int\n    def f(self, a: int, b: int = ...) -> None: ...\n"
-    ) == {
+def test_what_a_stub_declares_is_found():
+    text = (
+        "class A:\n    n: int\n    @property\n    def p(self) -> int: ...\n"
+        "    def f(self, a: int, b: int = ...) -> None: ...\n"
+    )
+    assert stubbed(text) == {
         "A": None,
         "A.n": None,
+        "A.p": None,
         "A.f": [("self", False), ("a", False), ("b", True)],
     }
     with pytest.raises(TypeError, match="no declaration"):

@@ -3,7 +3,7 @@
 Objects are looked at eight at a time. Where few rays wait in the voxels of the eight, these are
 gathered once and each is tested against the eight boxes; where many do, each object looks for its
 own, and its box is tested against those in lanes. Rays that meet a box are tested against the
-object at once where its geometry is at hand; otherwise they wait for it (delays.pxd).
+object at once where its geometry is at hand; otherwise they wait for it (deferred.pxd).
 """
 
 cimport cython
