@@ -45,7 +45,7 @@ NO_FRAME = FrameSize()
 
 @dataclass(frozen=True)
 class Capacities:
-    """What a budget holds.
+    """Holds what a memory budget has room for.
 
     Attributes
     ----------

@@ -73,7 +73,7 @@ PENDING = 4
 
 
 def is_store(source: str | os.PathLike[str]) -> bool:
-    """Whether a path is (or was meant to be) a scene store."""
+    """Tell whether a path is a scene store, or has the name of one."""
     path = Path(source)
     return (path / HEADER).exists() or path.suffix == ".bfrt" or path.is_dir()
 
@@ -216,7 +216,7 @@ def convert(
 
 
 def reader_of(name: str) -> Reader | None:
-    """What reads a file; None for a standard scene.
+    """Return the reader of a file's format; None for a standard scene.
 
     Raises
     ------
@@ -235,7 +235,7 @@ def reader_of(name: str) -> Reader | None:
 
 
 def after(progress: Report | None, files: list[str]) -> Report | None:
-    """A report that counts these files as read."""
+    """Return a reporter that counts some files as read already."""
     if progress is None:
         return None
     read = sum(path.stat().st_size for path in map(Path, files) if path.is_file())
@@ -243,7 +243,7 @@ def after(progress: Report | None, files: list[str]) -> Report | None:
 
 
 class GroupSink:
-    """A scene writer as one file of several sees it: its objects are a group.
+    """Gives the reader of one of several files a scene writer: its objects become a group.
 
     The first file's view, lights and background are the scene's.
     """
@@ -271,7 +271,7 @@ class GroupSink:
 
 
 class Behind:
-    """A sink one step behind the reader: threads work blocks out while the next are read.
+    """Keeps a sink one step behind the reader: threads prepare blocks while the next are read.
 
     Blocks are added in the order they came in, at most `PENDING` later.
     """
@@ -352,7 +352,7 @@ def complaints_of(name: str) -> Iterator[None]:
 
 
 def parse_spd(name: str, **options: str | None) -> SpdScene:
-    """The scene that ``spd:NAME:SIZE`` names, with those options that are not None."""
+    """Return the scene that ``spd:NAME:SIZE`` names, with the options that are not None."""
     _, _, rest = name.partition(":")
     scene, _, size = rest.partition(":")
     if not (size.isascii() and size.isdigit()):
@@ -371,23 +371,23 @@ class _View:
         self.found = camera
 
     def light(self, light: object) -> None:
-        """A view has no lights."""
+        """Ignore a light: a view has none."""
 
     def background(self, color: object) -> None:
-        """Nor a background."""
+        """Ignore a background: a view has none."""
 
     def material(self, material: object) -> int:
         return 0
 
     def append(self, kind: object, records: object, materials: object) -> None:
-        """Objects are passed over."""
+        """Ignore objects."""
 
     def append_polygons(self, vertices: object, counts: object, materials: object) -> None:
-        """Polygons too."""
+        """Ignore polygons."""
 
 
 def read_view(path: str | os.PathLike[str]) -> Camera:
-    """The camera of an NFF file, of which only the ``v`` is needed.
+    """Return the camera of an NFF file, which may consist of a ``v`` alone.
 
     Raises
     ------

@@ -41,7 +41,7 @@ def framing_camera(
     angle: float = Camera.angle,
     resolution: tuple[int, int] = Camera.resolution,
 ) -> Camera:
-    """The camera that frames a scene: from the front, a little to the right and above.
+    """Return the camera that frames a scene: from the front, a little to the right and above.
 
     It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius is
     half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal angle of
@@ -89,7 +89,7 @@ def framing_camera(
 
 
 def framing_lights(store: Store, camera: Camera) -> list[Light]:
-    """Two lights for a scene that has none: `KEY` and `FILL`.
+    """Return two lights for a scene that has none: `KEY` and `FILL`.
 
     A light is at ``eye + size (x right + y up + z back)``, with the camera's axes, and as size the
     eye's distance from the center of the bounds, or their radius if that is more: light falls at
@@ -118,7 +118,7 @@ def framing_lights(store: Store, camera: Camera) -> list[Light]:
 
 
 def bounding_sphere(store: Store) -> tuple[Vector, float]:
-    """Center (world coordinates) and radius of the sphere around the bounds.
+    """Return the center (world coordinates) and the radius of the sphere around the bounds.
 
     ``(lo + hi) / 2 + origin``, and ``|hi - lo| / 2``; the origin and 0 where there are no objects.
     """
@@ -129,7 +129,7 @@ def bounding_sphere(store: Store) -> tuple[Vector, float]:
 
 
 def half_angle(camera: Camera) -> float:
-    """Half the smaller angle of view, in radians.
+    """Return half the smaller angle of view, in radians.
 
     The vertical one is ``angle``, the horizontal one ``2 atan(tan(angle / 2) width / height)``.
     """
@@ -139,7 +139,7 @@ def half_angle(camera: Camera) -> float:
 
 
 def way_to_eye(up: Vector) -> Vector:
-    """The unit direction to the eye: `TO_EYE`, of axes that `up` decides.
+    """Return the unit direction to the eye: `TO_EYE` in axes that `up` decides.
 
     ``front = x cross up``, or ``y cross up`` where `up` is along x more than y and z;
     ``right = up cross front``.
@@ -157,24 +157,24 @@ def way_to_eye(up: Vector) -> Vector:
 
 
 def axes_of(camera: Camera) -> tuple[Vector, Vector, Vector]:
-    """The unit vectors to the right, up, and back from what the camera looks at."""
+    """Return the unit vectors to the right, up, and back from what the camera looks at."""
     back = unit(moved(camera.eye, -1.0, camera.at))
     right = unit(cross(camera.up, back))
     return right, cross(back, right), back
 
 
 def moved(start: Vector, by: float, way: Vector) -> Vector:
-    """``start + by * way``."""
+    """Return ``start + by * way``."""
     return start[0] + by * way[0], start[1] + by * way[1], start[2] + by * way[2]
 
 
 def length(v: Vector) -> float:
-    """The length of a vector."""
+    """Return the length of a vector."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 def unit(v: Vector) -> Vector:
-    """The vector at length one; zero stays zero. Scaled first, so that no square is lost."""
+    """Return the vector at length one; zero stays zero. Scales first, so that no square is lost."""
     size = max(abs(part) for part in v) or 1.0
     scaled = v[0] / size, v[1] / size, v[2] / size
     return moved((0.0, 0.0, 0.0), 1.0 / (length(scaled) or 1.0), scaled)

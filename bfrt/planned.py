@@ -11,7 +11,7 @@ from bfrt.stats import aligned
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What estimates are made of.
+    """Holds the numbers that estimates are made with.
 
     Counts are fits to the counters of rings 36 and 94, balls 6, mount 10, tree 17, teapot 124 and
     gears 18, at 128 and 256 MiB; seconds to docs/performance.rst: two cores of an EPYC at 2.4 GHz,
@@ -63,7 +63,7 @@ ASSUMED = Assumptions()
 
 @dataclass(frozen=True)
 class GridPlan:
-    """A group's grid.
+    """Describes a group's grid.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class GridPlan:
 
 @dataclass(frozen=True)
 class RayPlan:
-    """Rays to be traced: eye rays exactly; an estimate of all others, and how many may be."""
+    """Counts the rays to be traced: eye rays exactly, the others as an estimate and at most."""
 
     eye: int
     others: int
@@ -118,8 +118,7 @@ class PhasePlan:
 
 @dataclass(frozen=True)
 class DiskPlan:
-    """Bytes on disk at the most: marks to be made, a frame that memory has no room for, and
-    spools at the time when they are largest."""
+    """Counts bytes on disk at most: new marks, a frame that memory cannot hold, and spools."""
 
     marks: int
     frame: int
@@ -128,7 +127,7 @@ class DiskPlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a render would take.
+    """Tells what a render takes.
 
     Attributes
     ----------
@@ -171,11 +170,11 @@ class Plan:
     assumptions: Assumptions = ASSUMED
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """Return the plan as a dict, ready for JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
-        """Tables for people: amounts, grids, phases."""
+        """Return tables for people: amounts, grids, phases."""
         tables = (_amounts(self), _grids(self), _phases(self))
         return "\n\n".join([*map(aligned, tables), _assumed(self)])
 

@@ -70,7 +70,7 @@ def _grid_plan(store: Store, group: Group, held: Capacities, settings: Settings)
 
 
 class Wave(NamedTuple):
-    """Rays of one round of the depth loop; of those that are no shadow rays, how many hit."""
+    """Counts the rays of one round of the depth loop, and the hits that are to be shaded."""
 
     paths: float
     shadows: float
@@ -82,7 +82,7 @@ class Wave(NamedTuple):
 
 
 def waves(eye: int, depth: int, *, hits: float, onward: float, shadows: float) -> list[Wave]:
-    """The rounds that eye rays begin, where so many rays go on, and shadow rays, from a hit."""
+    """Estimate the rounds of eye rays; a hit sends `onward` rays and `shadows` shadow rays."""
     made = [Wave(eye, 0.0, eye * hits)]
     for number in range(1, depth + 1):
         before = made[-1].hits
@@ -92,7 +92,7 @@ def waves(eye: int, depth: int, *, hits: float, onward: float, shadows: float) -
 
 
 def onward_rays(store: Store) -> int:
-    """Rays that may go on from a hit: none, a reflected one, a refracted one too."""
+    """Return the number of rays that may go on from a hit: reflected, and refracted."""
     palette = store.materials()
     if (palette["transmittance"] > 0).any():
         return 2
@@ -100,7 +100,7 @@ def onward_rays(store: Store) -> int:
 
 
 class Swept(NamedTuple):
-    """Bytes of a group by when they are read.
+    """Counts a group's bytes by when they are read.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Swept(NamedTuple):
 
 
 def swept_of(group: Group, refinement: Refinement) -> Swept:
-    """What the sweeps over a group read; levels with the hierarchy only."""
+    """Return the bytes that sweeps over a group read; levels only with the hierarchy."""
     top = levels = boxes = coded = shapes = materials = ends = 0
     for stream in group.streams:
         sizes = {name: facts.bytes for name, facts in stream.files.items()}
@@ -154,7 +154,7 @@ def swept_of(group: Group, refinement: Refinement) -> Swept:
 
 
 class _Planner:
-    """One plan as it is worked out: of one band of rows, times the bands."""
+    """Works out a plan: that of one band of rows, times the bands."""
 
     def __init__(
         self,
@@ -186,7 +186,7 @@ class _Planner:
         self._most = waves(band, depth, hits=1.0, onward=onward, shadows=lights)
 
     def plan(self) -> Plan:
-        """All of it."""
+        """Return the whole plan."""
         held = self._held
         return Plan(
             objects=self._store.objects,
@@ -222,7 +222,7 @@ class _Planner:
         return int(self._bands * (sum(wave.rays for wave in rounds) - rounds[0].paths))
 
     def _preprocess(self) -> PhasePlan:
-        """One pass over a group for each subspace.
+        """Plan the preprocess: one pass over a group for each subspace.
 
         With the hierarchy it leaves out what lies in others, and at best boxes above that too.
         """
@@ -295,7 +295,7 @@ class _Planner:
         return grid.marks_bytes * entered
 
     def _shading_passes(self, rounds: Sequence[Wave]) -> int:
-        """Times that hits fill memory, in a band."""
+        """Return the number of times that hits fill memory, in a band."""
         return sum(math.ceil(wave.hits / max(1, self._held.hits)) for wave in rounds)
 
     def _shaded_bytes(self) -> tuple[float, float]:
@@ -312,7 +312,7 @@ class _Planner:
         )
 
     def _spooled(self, rounds: Sequence[Wave]) -> int:
-        """Bytes that a band's rounds write to spools."""
+        """Return the bytes that a band's rounds write to spools."""
         return sum(
             self._hit_bytes(wave.hits)
             + self._parted_bytes(wave.hits)
@@ -322,7 +322,7 @@ class _Planner:
         )
 
     def _spools_at_once(self) -> int:
-        """Bytes of a round's hits, of its rays, and of the next one's; of rays between groups."""
+        """Return the most bytes that spools hold at once: hits, rays and next rays of a round."""
         queued = [0, *(self._queue_bytes(wave.rays) for wave in self._most[1:]), 0]
         between = min(2, len(self._grids) - 1)
         return max(
@@ -338,7 +338,7 @@ class _Planner:
         return max(0, math.ceil(records) - self._held.hits) * HIT_BYTES
 
     def _parted_bytes(self, hits: float) -> int:
-        """Of hits, at the most, that are parted by object: where that saves reading."""
+        """Return the most bytes of hits that are parted by object, where parting saves reading."""
         parted = self._refinement.lazy and hits > self._held.hits
         return math.ceil(hits) * HIT_BYTES if parted else 0
 

@@ -10,7 +10,7 @@ from bfrt.errors import Cancelled, SettingError
 
 
 class Progress(NamedTuple):
-    """Where a render or a query is.
+    """Tells how far a render or a query is.
 
     A frame that memory does not hold is rendered in bands of rows, each from its first depth on.
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 
 class Kind(enum.IntEnum):
-    """The primitive kinds, in the order of object ids."""
+    """Numbers the kinds of primitives, in the order of object ids."""
 
     SPHERE = 0
     CONE = 1
@@ -44,7 +44,7 @@ class Kind(enum.IntEnum):
 
 
 class RayKind(enum.IntEnum):
-    """Why a ray was sent."""
+    """Numbers the reasons for which a ray is sent."""
 
     EYE = 0
     REFLECTION = 1
@@ -164,5 +164,5 @@ for _dtype, _bytes in (
 
 
 def plain(records: NDArray[Any]) -> NDArray[Any]:
-    """The same memory, to be copied: NumPy would copy a record field by field, ten times slower."""
+    """View records as plain bytes, to copy: NumPy copies field by field, ten times slower."""
     return records.view(f"V{records.dtype.itemsize}")

@@ -97,5 +97,5 @@ def describe(store: Store, view: View) -> dict[str, str]:
 
 
 def digits(numbers: Iterable[float]) -> str:
-    """Numbers as metadata has them, so long that map coordinates are told apart."""
+    """Return numbers as metadata has them, with digits enough to tell map coordinates apart."""
     return " ".join(f"{x:.15g}" for x in numbers)

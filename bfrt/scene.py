@@ -45,7 +45,7 @@ Divide = Callable[[Store, Settings, FrameSize], Capacities]
 
 @dataclass(frozen=True)
 class Geometry:
-    """The objects of one kind in one group, as ``geometry_ids`` count them.
+    """Describes the objects of one kind in one group, which ``geometry_ids`` refer to.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Geometry:
 
 
 class Scene:
-    """An open scene: its header, not the data, and what can be asked of it.
+    """Renders an open scene and answers ray queries; it holds the header, not the data.
 
     It is a context manager. What a query prepares (threads, memory, open files, the grid) is kept
     until the scene is closed, or asked with other settings: a second query of the same settings
@@ -90,7 +90,7 @@ class Scene:
         self._busy = threading.RLock()
 
     def __reduce__(self) -> tuple[type[Scene], tuple[Store, Divide]]:
-        """Copies, and what another process is sent, prepare for themselves."""
+        """Reduce to the store: copies, and what another process is sent, prepare for themselves."""
         return Scene, (self.store, self._divide)
 
     def __repr__(self) -> str:
@@ -98,27 +98,27 @@ class Scene:
 
     @property
     def path(self) -> Path:
-        """Where the store is."""
+        """Return the path of the store."""
         return self.store.path
 
     @property
     def objects(self) -> int:
-        """How many objects there are."""
+        """Return the number of objects."""
         return self.store.objects
 
     @property
     def bytes(self) -> int:
-        """Bytes on disk, without marks."""
+        """Return the bytes on disk, without marks."""
         return self.store.bytes
 
     @property
     def origin(self) -> tuple[float, float, float]:
-        """The place, in world coordinates, that the store's coordinates count from."""
+        """Return the point, in world coordinates, that the store's coordinates count from."""
         return self.store.origin
 
     @property
     def bounds(self) -> Bounds:
-        """The box around all objects in world coordinates, ``lo`` and ``hi``, (3,) float64 each.
+        """Return the box around all objects, world coordinates: ``lo`` and ``hi``, (3,) float64.
 
         Of a scene without objects lo is inf and hi is -inf.
         """
@@ -126,23 +126,23 @@ class Scene:
 
     @property
     def geometries(self) -> dict[int, Geometry]:
-        """What each of the ``geometry_ids`` is."""
+        """Return what each of the ``geometry_ids`` refers to."""
         streams = self.store.streams
         return {s.number: Geometry(s.group, s.kind, s.count) for s in streams}
 
     @property
     def camera(self) -> Camera | None:
-        """The scene's own camera, if it has one."""
+        """Return the scene's own camera, or None."""
         return self.store.camera
 
     @property
     def lights(self) -> list[Light]:
-        """The scene's own lights."""
+        """Return the scene's own lights."""
         return self.store.lights
 
     @property
     def background(self) -> tuple[float, float, float]:
-        """The color of rays that meet nothing."""
+        """Return the color of rays that meet nothing, linear RGB."""
         return self.store.background
 
     def materials(self) -> NDArray[Any]:
@@ -234,7 +234,7 @@ class Scene:
         angle: float = Camera.angle,
         resolution: tuple[int, int] = Camera.resolution,
     ) -> Camera:
-        """The camera that frames a scene: from the front, a little to the right and above.
+        """Return a camera that frames the scene from the front, a little to the right and above.
 
         It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius
         is half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal

@@ -39,7 +39,7 @@ Take = Callable[[Film], None]
 
 @dataclass
 class RenderState:
-    """All that a render is between two depths.
+    """Holds all the state of a render between two depths.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class RenderState:
 
 
 class Render:
-    """One view of a scene as it is traced, band by band.
+    """Traces one view of a scene, band by band.
 
     Parameters
     ----------

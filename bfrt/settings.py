@@ -20,7 +20,7 @@ from bfrt.workers import usable_threads
 
 @dataclass(frozen=True)
 class Refinement:
-    """One of the paper's refinements, each with those before it.
+    """Describes one of the paper's refinements, which includes those before it.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ FINEST = "sgb"
 
 @dataclass(frozen=True)
 class Settings:
-    """How a scene is traced: what renders and ray queries have in common.
+    """Holds how a scene is traced: the settings that renders and ray queries have in common.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Phase:
-    """One phase's time and traffic."""
+    """Counts one phase's time and traffic."""
 
     seconds: float = 0.0
     bytes_read: int = 0
@@ -54,7 +54,7 @@ class Phase:
 
 @dataclass
 class Rays:
-    """Rays sent, by kind, and eye rays that hit."""
+    """Counts the rays sent, by kind, and the eye rays that hit."""
 
     eye: int = 0
     eye_hits: int = 0
@@ -65,7 +65,7 @@ class Rays:
 
 @dataclass
 class Phases:
-    """The four phases."""
+    """Holds the counters of the four phases."""
 
     preprocess: Phase = field(default_factory=Phase)
     traversal: Phase = field(default_factory=Phase)
@@ -75,7 +75,7 @@ class Phases:
 
 @dataclass
 class Counters:
-    """What one depth, or a whole render, has counted."""
+    """Counts what happens in one depth, or in a whole render."""
 
     rays: Rays = field(default_factory=Rays)
     phases: Phases = field(default_factory=Phases)
@@ -106,7 +106,7 @@ class Counters:
 
 @dataclass
 class Stats:
-    """The record of a render."""
+    """Holds the counters of a render, its settings and its memory."""
 
     objects: int
     scene_bytes: int
@@ -121,7 +121,7 @@ class Stats:
 
     @contextmanager
     def depth(self, number: int) -> Iterator[Counters]:
-        """Counters that are added to those of a depth, from 1, and to the total at their end."""
+        """Yield counters, which at their end are added to those of depth `number` and the total."""
         counters = Counters()
         start = time.perf_counter()
         try:
@@ -136,7 +136,7 @@ class Stats:
             self.total.seconds = whole
 
     def as_dict(self) -> dict[str, Any]:
-        """The keys that the documentation lists, ready for JSON."""
+        """Return the counters under the keys that the documentation lists, ready for JSON."""
         return {
             "objects": self.objects,
             "scene_bytes": self.scene_bytes,
@@ -151,7 +151,7 @@ class Stats:
         }
 
     def table(self) -> str:
-        """A table for people: a row a depth, then the phases."""
+        """Return a table for people: a row a depth, then the phases."""
         head = ("depth", "rays", "hits", "shadow", "passes", "box tests", "object tests", "seconds")
         rows = [head]
         for number, depth in enumerate([*self.depths, self.total], 1):
@@ -186,7 +186,7 @@ class Stats:
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> str:
-    """A table of rows of cells, in columns."""
+    """Return rows of cells as a table with aligned columns."""
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
@@ -195,7 +195,7 @@ def aligned(rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def peak_rss() -> int:
-    """The most memory this process has held, bytes.
+    """Return the most memory that this process has held, bytes.
 
     VmHWM where the system has it: ``ru_maxrss`` starts at the parent's.
     """

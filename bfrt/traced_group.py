@@ -22,7 +22,7 @@ from bfrt.workers import Workers
 
 
 class Field:
-    """One group, and the grid that memory has room for.
+    """Traces rays through one group, with the grid that memory has room for.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Field:
 
     @property
     def selective(self) -> bool:
-        """Whether a pass reads only what is near rays."""
+        """Tell whether a pass reads only what is near rays."""
         return self._selection.hierarchy
 
     def preprocess(self, subspace: int, counters: Counters, *, fresh: bool) -> None:

@@ -38,7 +38,7 @@ Tell = Callable[[int], None]
 
 
 class Outcome(NamedTuple):
-    """Where rays come out.
+    """Says where the results of rays go.
 
     Attributes
     ----------
@@ -107,16 +107,16 @@ class Tracer:
 
     @property
     def scans(self) -> list[GroupScans]:
-        """The objects of each group."""
+        """Return the objects of each group."""
         return [field.scans for field in self.fields]
 
     @property
     def bad(self) -> int:
-        """Rays so far that were NaN or had no direction."""
+        """Return the number of rays so far that were NaN or had no direction."""
         return self._flight.bad
 
     def serves(self, settings: Settings) -> bool:
-        """Whether it does as asked: a process that was forked has none of its threads."""
+        """Tell whether it works with these settings here: a forked process lacks its threads."""
         return self.settings == settings and self._process == os.getpid()
 
     def __enter__(self) -> Tracer:
@@ -172,7 +172,7 @@ class Tracer:
 
 
 class Passage:
-    """The way of a queue of rays through the groups: the paper's ``intersection()``.
+    """Takes a queue of rays through the groups: the paper's ``intersection()``.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ DEPTH = 5
 
 @dataclass(frozen=True)
 class View:
-    """A view of a scene: what changes the picture.
+    """Describes a view of a scene: what changes the picture.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class View:
 
     @property
     def frame(self) -> FrameSize:
-        """The size of its frame."""
+        """Return the size of the view's frame."""
         return FrameSize(*self.camera.resolution, self.samples, self.aovs)
 
     def sized(self, resolution: tuple[int, int] | None) -> View:

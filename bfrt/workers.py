@@ -44,12 +44,12 @@ CHUNKS_EACH = 8
 
 
 def chunk_of(count: int, threads: int, smallest: int, largest: int) -> int:
-    """How many of a count a worker takes at once."""
+    """Return how many of a count a worker takes at once."""
     return max(smallest, min(largest, -(-count // (threads * CHUNKS_EACH))))
 
 
 class Workers:
-    """`threads` workers. The loops they run release the GIL.
+    """Runs loops that release the GIL on `threads` threads.
 
     Chunks are handed out in ascending order, so that each worker reads its files forwards.
     """
@@ -134,7 +134,7 @@ WAITING = 2
 
 
 def ahead(make: Callable[[Given], Made], given: Iterable[Given], threads: int) -> Iterator[Made]:
-    """``map(make, given)``, with `threads` that work ahead; results come in order.
+    """Yield ``map(make, given)`` in order, with `threads` threads that work ahead.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def ahead(make: Callable[[Given], Made], given: Iterable[Given], threads: int) -
 
 
 def usable_threads() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -158,7 +158,7 @@ cdef class Lines(Tokens):
         return at < self.text.end and not is_end(at[0]) and at[0] != HASH
 
     cdef unsigned char *next_line(self, unsigned char *at) noexcept nogil:
-        """Past a backslash and the line's end behind it, where the line goes on."""
+        """Return the address behind a backslash and a line's end, where the line continues."""
         self.text.line += 1
         return at + (3 if at[1] == RETURN and at[2] == NEWLINE else 2)
 
@@ -196,7 +196,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef int read_vertex(self) except -1 nogil:
-        """x y z, and a color or -1; a weight or what is behind a color is passed over."""
+        """Read x y z, and a color or -1; pass over a weight and what follows a color."""
         cdef double values[COLUMNS]
         cdef int count = 0
         cdef int i
@@ -222,7 +222,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef int read_value(self, double *out) except -1 nogil:
-        """A number, which a backslash may follow without a blank."""
+        """Read a number, which a backslash may follow without a blank."""
         cdef int status = read_any_number(&self.text, out)
         cdef unsigned char *last
         if status != FOUND and self.goes_on():
@@ -233,7 +233,7 @@ cdef class Lines(Tokens):
         return status
 
     cdef bint goes_on(self) noexcept nogil:
-        """Whether the token ends with a backslash behind which the line goes on."""
+        """Tell whether the token ends with a backslash, so that the line continues."""
         cdef unsigned char *end = self.text.token + self.text.length
         return self.text.length > 1 and (end - 1)[0] == BACKSLASH and is_end(end[0])
 
@@ -257,7 +257,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef bint read_corner(self, int64_t *index) noexcept nogil:
-        """A vertex's number, and what a slash parts from it: texture and normal are not kept."""
+        """Read a vertex's index; pass over the texture and the normal that slashes part from it."""
         cdef Py_ssize_t i = 0
         cdef int64_t value = 0
         cdef bint minus

@@ -21,7 +21,7 @@ MARK_BYTES = max(map(len, MARKS))
 
 
 def mark_of(head: bytes) -> bytes:
-    """The mark that a text begins with, empty where it has none."""
+    """Return the byte order mark that a text begins with, empty if none."""
     return next((mark for mark in MARKS if head.startswith(mark)), b"")
 
 
@@ -41,7 +41,7 @@ class Decoder:
         self._units: codecs.IncrementalDecoder | None = None
 
     def decode(self, piece: bytes, *, final: bool) -> bytes:
-        """The text of a piece, as far as it is complete.
+        """Decode a piece of text as far as it is complete.
 
         Parameters
         ----------

@@ -62,7 +62,7 @@ def asking(source: Source, expected: str, place: str = "") -> Iterator[None]:
 
 
 class LasSource(Source):
-    """A LAS file as laspy may read it.
+    """Presents a LAS file to laspy with only what points need.
 
     Records that laspy need not know it passes over, whatever is in them, for here they are
     nobody's; and text is what Python takes for text.
@@ -125,7 +125,7 @@ class LasSource(Source):
 
 
 def readable(text: bytes) -> bytes:
-    """The text as it is where it is UTF-8, else with marks for what is not ASCII."""
+    """Return UTF-8 text unchanged, and other text with question marks for non-ASCII bytes."""
     try:
         text.decode()
     except UnicodeDecodeError:
@@ -134,7 +134,7 @@ def readable(text: bytes) -> bytes:
 
 
 def backend_for(source: Source, header: Any, backends: Any) -> Any:
-    """What may decompress a file's points: many threads where its chunks are no larger than usual.
+    """Choose the decompressor of a file's points: parallel where chunks are of the usual size.
 
     Raises
     ------

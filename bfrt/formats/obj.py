@@ -43,7 +43,7 @@ PARTING = re.compile(r"(?<!\\)\s+")
 
 
 class ObjVertices:
-    """The vertices of an OBJ file, and what a first pass over them tells of the file.
+    """Reads the vertices of an OBJ file; a first pass finds out what the file contains.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class ObjVertices:
             )
 
     def blocks(self) -> Iterator[NDArray[Any]]:
-        """All vertices, (n, columns) at a time."""
+        """Yield all vertices, (n, columns) at a time."""
         return self._parsed(Lines(of_faces=False)) if self._kept is None else iter(self._kept)
 
     def _parsed(self, lines: Lines) -> Iterator[NDArray[Any]]:
@@ -118,7 +118,7 @@ def refuse_fault(lines: Lines, name: str) -> None:
 
 
 class ObjPoints:
-    """The vertices of an OBJ file without faces: `bfrt.formats.points.Points`."""
+    """Reads the vertices of an OBJ file without faces: a `bfrt.formats.points.Points`."""
 
     def __init__(self, vertices: ObjVertices) -> None:
         self.name = vertices.name
@@ -134,7 +134,7 @@ class ObjPoints:
 
 
 class ObjMesh:
-    """An OBJ file as a mesh: `bfrt.formats.mesh.Mesh`."""
+    """Reads an OBJ file as a mesh: a `bfrt.formats.mesh.Mesh`."""
 
     row = coordinates = np.dtype("f8")
 
@@ -172,7 +172,7 @@ class ObjMesh:
             yield Faces(corners, counts, None, materials)
 
     def _material(self, name: bytes, plain: int) -> int:
-        """The index of a material; without a name, or unknown, it is plain."""
+        """Return the index of a material by its name; plain if it has no name or is unknown."""
         if name and name not in self._materials and name not in self._unknown:
             self._unknown.add(name)
             log.warning(
@@ -205,12 +205,12 @@ class ObjMesh:
 
 
 def unescaped(name: str) -> str:
-    """A name without the backslashes that are before its blanks."""
+    """Return a name without the backslashes before its blanks."""
     return name.replace("\\ ", " ")
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file; a name that cannot be one has none."""
+    """Tell whether a path is a file; a name that no file can have is none."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -29,7 +29,7 @@ NAMED = 3
 
 @dataclass
 class Uses:
-    """What the files of one call have use for, as far as they were asked.
+    """Notes which settings the files of one call use.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Uses:
 
 @dataclass(frozen=True)
 class Reading:
-    """Settings of a conversion that some formats know.
+    """Holds the settings of a conversion that some formats use.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class Reading:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The columns that colors are made of."""
+        """Return the names of the columns that colors are made from."""
         if self.color_by is None:
             return ()
         return COLORS if self.color_by == RGB else (self.color_by,)

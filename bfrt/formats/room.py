@@ -29,7 +29,7 @@ COLORS = 32 << 20
 
 
 class Taken(NamedTuple):
-    """Bytes that a format takes, beside the process.
+    """Counts the bytes that a format's reader takes, beside the process.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ FORMATS = {
 
 
 def room_for(name: str, memory: int, size: int | None = None, *, colored: bool = False) -> int:
-    """The bytes that a file's conversion leaves of a budget.
+    """Return the bytes of a budget that a file's conversion leaves free.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def room_for(name: str, memory: int, size: int | None = None, *, colored: bool =
 
 
 def size_of(name: str) -> float:
-    """A file's bytes; of what is none, such as a pipe, nobody knows."""
+    """Return a file's bytes; infinity for standard input, 0 for a file that cannot be looked at."""
     try:
         found = Path(name).stat()
     except (OSError, ValueError):  # which its reader tells

@@ -20,7 +20,7 @@ cdef struct Bounds:
 
 
 cdef inline Bounds bounds_of(const double[:, ::1] corners) noexcept nogil:
-    """The bounds from corners[0] to corners[1]."""
+    """Return the bounds from corners[0] to corners[1]."""
     cdef Bounds b
     cdef int k
     for k in range(3):
@@ -56,7 +56,7 @@ cdef inline bint is_far(Vec o, const Bounds* b) noexcept nogil:
 
 
 cdef inline double fused(double o, double t, double d) noexcept nogil:
-    """o + t d, rounded about once, however much of it cancels.
+    """Return o + t d, rounded about once, however much of it cancels.
 
     What is rounded off the product is had by fma, what is rounded off the sum by Knuth's two-sum.
     """
@@ -71,7 +71,7 @@ cdef inline Vec fused_along(Vec o, double t, Vec d) noexcept nogil:
 
 
 cdef inline double until_beside(const Line* l, const Bounds* b) noexcept nogil:
-    """The t at which the line passes the middle of the bounds, along its steepest axis."""
+    """Return the t at which the line passes the middle of the bounds, along its steepest axis."""
     cdef int k = steepest(l.d)
     return ((b.lo[k] + 0.5 * (b.hi[k] - b.lo[k])) - (&l.o.x)[k]) / (&l.d.x)[k]
 

@@ -161,7 +161,7 @@ cdef inline void eight_clear(Eight* e, int i) noexcept nogil:
 
 
 cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil:
-    """One of them."""
+    """Return box i of the eight grown boxes."""
     cdef int k
     for k in range(3):
         one.lo[k] = g.side[k][i]

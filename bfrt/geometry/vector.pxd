@@ -73,7 +73,7 @@ cdef inline Vec unit(Vec a) noexcept nogil:
 
 
 cdef inline double largest(Vec a) noexcept nogil:
-    """The largest magnitude of a component."""
+    """Return the largest magnitude of a component."""
     return larger(fabs(a.x), larger(fabs(a.y), fabs(a.z)))
 
 

@@ -23,7 +23,7 @@ MOST_CODED = HEAD + BRICK_BYTES - 1
 
 
 cdef uint8_t commonest(const uint8_t* brick) noexcept nogil:
-    """The mark that most voxels of a brick have."""
+    """Return the mark that most voxels of a brick have."""
     cdef int count[256]
     cdef int i, best = 0
     memset(&count[0], 0, sizeof(count))

@@ -6,7 +6,7 @@ from libc.string cimport memcpy, memset
 
 
 cdef bint any_mark(const uint8_t[:, :, ::1] marks, int64_t row, int64_t x) noexcept nogil:
-    """Whether a brick that begins at (row, x) of a layer has a mark."""
+    """Tell whether a brick that begins at (row, x) of a layer has a mark."""
     cdef int64_t k, j, i
     for k in range(marks.shape[0]):
         for j in range(row, min(row + BRICK, marks.shape[1])):

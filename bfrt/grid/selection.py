@@ -20,7 +20,7 @@ Where = VoxelRays | Subspace
 
 
 class Selection:
-    """The objects of a group that a pass looks at, stream by stream.
+    """Selects the objects of a group that a pass looks at, stream by stream.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ cdef class Slabs:
 
 
 cdef inline int32_t brick_at(const Slab* s, const int* at) noexcept nogil:
-    """Where the brick of a voxel is, or EMPTY_BRICK, or EMPTY_CUBE."""
+    """Return the index of the brick that a voxel is in, or EMPTY_BRICK, or EMPTY_CUBE."""
     return s.table[
         (at[0] >> BRICK_SHIFT) * s.stride[0] + (at[1] >> BRICK_SHIFT) * s.stride[1]
         + (at[2] >> BRICK_SHIFT) * s.stride[2]
@@ -43,7 +43,7 @@ cdef inline int32_t brick_at(const Slab* s, const int* at) noexcept nogil:
 
 
 cdef inline uint8_t mark_at(const Slab* s, int64_t brick, const int* at) noexcept nogil:
-    """The marks of a voxel of a brick."""
+    """Return the marks of a voxel of a brick."""
     return s.bricks[
         (brick - s.first_brick) * BRICK_BYTES + ((at[0] & (BRICK - 1)) << s.shift[0])
         + ((at[1] & (BRICK - 1)) << s.shift[1]) + ((at[2] & (BRICK - 1)) << s.shift[2])

@@ -21,7 +21,7 @@ TABLED_BYTES = 4 + 1 + 1 / 8 + 1
 
 
 def table_of(occupied):
-    """Where each brick is among those that are kept; or `EMPTY_BRICK`, or `EMPTY_CUBE`."""
+    """Return each brick's index among those that are kept; or `EMPTY_BRICK`, or `EMPTY_CUBE`."""
     table = np.cumsum(occupied.reshape(-1), dtype=np.int32).reshape(occupied.shape)
     table -= 1
     table[occupied == 0] = EMPTY_BRICK
@@ -39,7 +39,7 @@ def table_of(occupied):
 
 
 def cuts_of(bricks, capacity):
-    """The first layer of each slab, and the one beyond the last: layers have so many bricks."""
+    """Return the first layer of each slab, and the end; `bricks` has the count of each layer."""
     cuts, first, held = [0], 0, 0
     for layer, n in enumerate(bricks.tolist()):
         if held + n > capacity and layer > first:
@@ -52,7 +52,7 @@ def cuts_of(bricks, capacity):
 
 @cython.final
 cdef class Slabs:
-    """The marks of a grid, of which one slab is in memory.
+    """Holds the marks of a grid, of which one slab is in memory.
 
     Parameters
     ----------

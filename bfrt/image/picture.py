@@ -23,7 +23,7 @@ BAND_BYTES = 1 << 24
 
 
 class Image:
-    """A picture in memory: color, and what the first sample of each pixel met.
+    """Holds a picture in memory: color, and what the first sample of each pixel met.
 
     Parameters
     ----------
@@ -56,33 +56,33 @@ class Image:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Height and width in pixels."""
+        """Return height and width in pixels."""
         height, width = self.channels["R"].shape
         return height, width
 
     @property
     def height(self) -> int:
-        """Rows."""
+        """Return the number of rows."""
         return self.shape[0]
 
     @property
     def width(self) -> int:
-        """Columns."""
+        """Return the number of columns."""
         return self.shape[1]
 
     @property
     def rgb(self) -> npt.NDArray[np.float32]:
-        """Linear color, a new array of shape (height, width, 3)."""
+        """Return linear color, a new float32 array of shape (height, width, 3)."""
         return np.stack([self.channels[name] for name in "RGB"], axis=-1)
 
     @property
     def rgba(self) -> npt.NDArray[np.float32]:
-        """Linear color and alpha, a new array of shape (height, width, 4)."""
+        """Return linear color and alpha, a new float32 array of shape (height, width, 4)."""
         return np.stack([self.channels[name] for name in "RGBA"], axis=-1)
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """The 64-bit object ids, shape (height, width); `bfrt.records.NO_HIT` on a miss."""
+        """Return the 64-bit object ids, uint64 of shape (height, width); 2^64 - 1 on a miss."""
         if "id.lo" not in self.channels:
             raise SettingError(
                 f"image: found channels {' '.join(self.channels)}, expected id.lo and id.hi"
@@ -141,7 +141,7 @@ class Image:
                 put(file, pixels.astype("<f4", copy=False).tobytes(), path)
 
     def _bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
-        """The channels by bands of rows, so that a copy of a band is all that saving takes."""
+        """Yield the channels by bands of rows, so that saving takes a copy of a band only."""
         step = max(1, BAND_BYTES // (4 * self.width * len(self.channels)))
         for row in range(0, self.height, step):
             yield {name: pixels[row : row + step] for name, pixels in self.channels.items()}

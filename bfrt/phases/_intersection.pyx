@@ -253,7 +253,7 @@ cdef inline void turn_to(Search* s, StreamScan w, int place) noexcept nogil:
 
 
 cdef int meet_many(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
-    """The n objects of a block, each against the rays in its voxels."""
+    """Meet the n objects of a block, each with the rays in its voxels."""
     cdef int i
     s.near.spill = keep_entering
     for i in range(n):
@@ -305,7 +305,7 @@ cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
 
 
 cdef int meet_few(Search* s, StreamScan w, int n) except -1 nogil:
-    """The n objects of a block, all against the few rays that are near any of them."""
+    """Meet the n objects of a block, all with the few rays that are near any of them."""
     cdef Few few
     cdef Vec inv
     cdef int i, j, k, rays
@@ -328,7 +328,7 @@ cdef int meet_few(Search* s, StreamScan w, int n) except -1 nogil:
 
 
 cdef int meet_block(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
-    """The n objects of a block against the rays in their voxels: half of the blocks have none."""
+    """Meet the n objects of a block with the rays in their voxels: half of the blocks have none."""
     cdef Box all
     cdef Range around
     block_union(w.boxes, n, &all)
@@ -349,7 +349,7 @@ cdef int meet_block(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil
 
 @cython.final
 cdef class Intersector:
-    """One worker's intersection loop: what it needs of a group's grid and of the rays in flight.
+    """Runs one worker's intersection loop over a group's grid and the rays in flight.
 
     Parameters
     ----------

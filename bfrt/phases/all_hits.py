@@ -41,7 +41,7 @@ class Crossings:
         self._counts = self._paths[:, start : start + 4].view("<u4")[:, 0]
 
     def buffer(self) -> Buffer:
-        """Room for one thread's crossings, and what it calls when they are so many."""
+        """Return a buffer for one thread's crossings, and the function to call when it is full."""
         found = np.empty(ROOM, CROSSING)
         return found, lambda n: self._hand_over(found[:n])
 

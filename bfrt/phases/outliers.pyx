@@ -25,7 +25,7 @@ cdef enum:
 
 @cython.final
 cdef class Outliers:
-    """The outliers of a group.
+    """Holds the outliers of a group in memory.
 
     Parameters
     ----------

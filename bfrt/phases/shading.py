@@ -32,17 +32,17 @@ SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
 
 
 def light_intensity(lights: int) -> float:
-    """sqrt(n) / (2 n), for each of n lights and for the ambient one: the SPD text's formula."""
+    """Return sqrt(n) / (2 n), the intensity of each of n lights and of ambient light (SPD)."""
     return math.sqrt(lights) / (2 * lights)
 
 
 def emit_room(lights: int) -> int:
-    """Rays that a worker gathers while it shades: a thousand, or a few hits' worth."""
+    """Return the rays that a worker gathers while it shades: a thousand, or a few hits' rays."""
     return max(1024, 4 * (lights + 2))
 
 
 class Shading:
-    """The shading phase of a render.
+    """Shades the hits of a render.
 
     Parameters
     ----------

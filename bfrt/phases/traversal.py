@@ -60,20 +60,20 @@ SETTLED = 8192
 
 
 class Queue(Protocol):
-    """Rays that wait: the camera's, or a spool."""
+    """Gives rays that wait: the camera's, or those of a spool."""
 
     def __len__(self) -> int: ...
     def read(self, most: int) -> NDArray[Any]: ...
 
 
 class Sink(Protocol):
-    """Where complete rays go: a spool, or what takes them at once; by any thread."""
+    """Takes complete rays, from any thread: a spool, or a consumer that takes them at once."""
 
     def append(self, records: NDArray[Any]) -> None: ...
 
 
 class Ground(NamedTuple):
-    """What rays go through: one group's grid."""
+    """Holds one group's grid and what rays need to go through it."""
 
     slabs: Slabs
     voxel_rays: VoxelRays
@@ -81,7 +81,7 @@ class Ground(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Where rays go that are complete.
+    """Says where complete rays go.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Ends(NamedTuple):
 
 
 def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> int:
-    """Candidates that each ray gets in a pass.
+    """Return the number of candidates that each ray gets in a pass.
 
     Few in a ray's first pass, for most rays end soon, and twice as many in each that follows; no
     fewer than a pass is worth that reads so many bytes, but no leap beyond `LEAP` where reading
@@ -128,7 +128,7 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
 
 
 class Flight:
-    """Rays in flight: what is in memory, and where it goes.
+    """Moves rays in flight: admits, walks and settles them.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class Flight:
 
     @property
     def active(self) -> int:
-        """How many rays are in flight."""
+        """Return the number of rays in flight."""
         return self.pool.active
 
     def admit(self, queue: Queue, ends: Ends, counters: Counters) -> int:

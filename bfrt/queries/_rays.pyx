@@ -13,7 +13,7 @@ from bfrt.scan.scan cimport StreamScan
 
 
 cdef inline double end_of(double t_max, double moved) noexcept nogil:
-    """Where a moved ray ends: a t that with `moved` is less than t_max, by as little as can be."""
+    """Return the end of a moved ray: the greatest t, or nearly, for which t + `moved` < t_max."""
     cdef double t = t_max - moved
     if not isfinite(t):
         return t
@@ -29,8 +29,9 @@ cdef enum:
 
 
 cdef inline double scaled_end(double t_max, int power) noexcept nogil:
-    """t_max in lengths of a direction that was divided by a power of two. What would be no number
-    in lengths of the direction as it was given is beyond the end."""
+    """Return t_max in lengths of a direction that was divided by a power of two. A t that the
+    original lengths cannot express is beyond the end.
+    """
     cdef double t = ldexp(t_max, power)
     return smaller(t, ldexp(1.0, BEYOND + power)) if power < 0 else t
 

@@ -75,7 +75,7 @@ SPLITS: Fields = {"ray_splits": (np.int64, ())}
 
 
 class Answer(dict[str, NDArray[Any]]):
-    """Arrays by their keys.
+    """Maps names to the arrays of a query's answer.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Answer(dict[str, NDArray[Any]]):
 
 
 class Question(NamedTuple):
-    """Rays that somebody asks about, as they are given, and where the answer goes.
+    """Holds the rays that a caller asks about, and where the answer goes.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ Sessions = Callable[[Settings], AbstractContextManager[Tracer]]
 
 
 class Asking:
-    """One question as it is worked on.
+    """Works on one question.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def fitting(plan: Capacities, rays: int | None) -> Capacities:
 
 
 def _folder_of(out: Out | None) -> Out | None:
-    """A folder, where that is what answers go to: how many hits there are is not known before."""
+    """Return the folder for an answer; refuse arrays, since the number of hits is not yet known."""
     if out is None or isinstance(out, (str, os.PathLike)):
         return out
     raise SettingError("out: found arrays, expected a folder: how many hits there are is not known")
@@ -317,7 +317,7 @@ class Answers:
 
 
 class Surfaces:
-    """Normals and uv of hits, of which only the objects that are hit are read.
+    """Finds normals and uv of hits; only the objects that are hit are read.
 
     Parameters
     ----------
@@ -379,7 +379,7 @@ def _resolve(asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]
 
 
 def _fields(records: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Some fields of records."""
+    """Return the fields of records that `dtype` has."""
     made = np.empty(len(records), dtype)
     for name in dtype.names or ():
         made[name] = records[name]

@@ -102,7 +102,7 @@ cdef inline int next_boxes(BoxCursor b, int64_t most) except -1 nogil:
 
 
 cdef inline void block_union(BoxCursor b, int n, Box* all) noexcept nogil:
-    """The box around the block's n objects, at least: around outliers, too."""
+    """Compute a box around the block's n objects; it may reach around outliers, too."""
     if b.coded:
         coded_union(&b.coding, b.codes, n, <float*>all)
     elif b.spheres is not None:
@@ -121,7 +121,7 @@ cdef inline void decode(BoxCursor b, int n) noexcept nogil:
 
 
 cdef inline void clear_outliers(BoxCursor b) noexcept nogil:
-    """Empty the boxes of outliers: rays meet these before they enter the grid."""
+    """Clear the boxes of outliers: rays meet these before they enter the grid."""
     while b.outlier < b.outliers.shape[0] and b.outliers[b.outlier] < b.index:
         if b.outliers[b.outlier] >= b.first:
             eight_clear(&b.eight, <int>(b.outliers[b.outlier] - b.first))

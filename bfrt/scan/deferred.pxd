@@ -74,14 +74,14 @@ cdef inline void turn(Delays d) noexcept nogil:
 
 
 cdef inline void end_delays(Delays d) noexcept nogil:
-    """Be ready for another sweep: all is settled."""
+    """End a sweep whose delays are all settled, to be ready for another."""
     d.count[0] = d.count[1] = d.half = 0
     d.begin = d.end = d.asked = d.known = 0
     d.loaded = NO_HIT
 
 
 cdef inline int64_t piece_end(const Delayed* waits, int64_t n, int64_t gap) noexcept nogil:
-    """Where the records end that lie so near each other, of objects from the first on."""
+    """Return the end of the records, from the first object on, that gaps of `gap` at most part."""
     cdef int64_t i, end = waits[0].first + waits[0].count
     for i in range(1, n):
         if waits[i].first > end + gap:

@@ -29,8 +29,9 @@ cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
 
 
 cdef inline const unsigned char* record_in_block(StreamScan s, int i) noexcept nogil:
-    """The record of object i of the block, which stays where it is until the next block. Not of a
-    scan that reads geometry later."""
+    """Return the record of object i of the block; it stays in place until the next block. Not for a
+    scan that reads geometry later.
+    """
     if s.in_step:
         return s.geometry.block + i * s.geometry.stride
     s.spheres_read += s.lazy

@@ -11,7 +11,7 @@ from bfrt.scan.materials cimport MaterialCursor
 
 @cython.final
 cdef class StreamScan:
-    """One worker's cursors over a stream.
+    """Holds one worker's cursors over a stream.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ Parents = NDArray[np.float32]
 
 
 class Chunk(NamedTuple):
-    """Objects that a worker looks at together.
+    """Holds objects that a worker looks at together.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class AllObjects:
 
     @property
     def short(self) -> bool:
-        """Whether one worker is enough."""
+        """Tell whether one worker is enough."""
         return self._count <= self._chunk
 
     def next(self, worker: int) -> Chunk | None:
@@ -134,7 +134,7 @@ class PickedObjects:
 
     @property
     def short(self) -> bool:
-        """Whether one worker is enough."""
+        """Tell whether one worker is enough."""
         return len(self._ranges) <= self._chunk
 
     def next(self, worker: int) -> tuple[StreamScan, slice] | None:
@@ -149,7 +149,7 @@ class PickedObjects:
 
 
 class Batch:
-    """Ranges of objects that were chosen together.
+    """Holds ranges of objects that were chosen together.
 
     Attributes
     ----------
@@ -173,12 +173,12 @@ class Batch:
 
     @property
     def objects(self) -> int:
-        """How many objects they have."""
+        """Return the number of objects in the ranges."""
         return int(self._ends[-1])
 
     @property
     def left(self) -> bool:
-        """Whether there are ranges that were not taken."""
+        """Tell whether there are ranges that were not taken."""
         return self._taken < len(self._ends) - 1
 
     def fill(self, chooser: Chooser, objects: int, coded: bool) -> Ranges:
@@ -203,7 +203,7 @@ class Batch:
 
 
 class Batches:
-    """Memory for the batches of one sweep at a time, and for what each worker took last."""
+    """Holds the memory of one sweep's batches, and each worker's last chunk."""
 
     def __init__(self, threads: int) -> None:
         self.ranges = np.empty((threads, AHEAD, 2), np.int64)

@@ -38,7 +38,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 class Part(NamedTuple):
-    """The objects of one kind in a block.
+    """Holds the objects of one kind in a block.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ Report = Callable[[int], object]
 
 
 class Sink(Protocol):
-    """What a scene feeds itself to: a scene writer, or a test."""
+    """Takes a scene: a scene writer, or a test."""
 
     def camera(self, camera: Camera) -> Any: ...
 
@@ -96,13 +96,13 @@ class Sink(Protocol):
 
 
 class TextFile(Protocol):
-    """A file that takes text."""
+    """Takes text."""
 
     def write(self, text: str, /) -> Any: ...
 
 
 class SpdScene(abc.ABC):
-    """A standard scene of a given size.
+    """Makes a standard scene of a given size.
 
     Parameters
     ----------
@@ -133,25 +133,25 @@ class SpdScene(abc.ABC):
     @property
     @abc.abstractmethod
     def counts(self) -> dict[Kind, int]:
-        """How many objects of each kind the scene has."""
+        """Return the number of objects of each kind."""
 
     @property
     def vertices(self) -> int:
-        """How many vertices its polygons have."""
+        """Return the number of vertices of all polygons."""
         return 0
 
     @abc.abstractmethod
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """What makes the objects, in blocks of about `limit` at most, in the package's order."""
+        """Yield tasks that make blocks of about `limit` objects, in the package's order."""
 
     @property
     def objects(self) -> int:
-        """How many objects the scene has, all kinds together."""
+        """Return the number of objects of all kinds."""
         return sum(self.counts.values())
 
     @property
     def surface(self) -> float:
-        """The surface of its grid, about: known before the objects are."""
+        """Return about the surface of the scene's grid, before the objects are made."""
         extent, first = Extent(), 0
         for block in self._small().blocks(dtype=np.float32):
             for part in block:
@@ -162,13 +162,12 @@ class SpdScene(abc.ABC):
         return extent.outliers()[1].surface
 
     def _small(self) -> SpdScene:
-        """The scene at a size at which it reaches as far."""
+        """Return the scene at a smaller size, at which it extends as far."""
         return type(self)(min(self.size, self.settled))
 
     @property
     def store_bytes(self) -> int:
-        """What its store takes on disk at the most, without the header and the hierarchy; known
-        before anything is made."""
+        """Return the most bytes of its store, without header and hierarchy, before it is made."""
         width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
         total = len(self.materials) * MATERIAL_BYTES
         for kind, count in self.counts.items():
@@ -180,12 +179,12 @@ class SpdScene(abc.ABC):
 
     @property
     def hierarchy_bytes(self) -> int:
-        """And its hierarchy: levels of a twentieth of that or less, quantised boxes."""
+        """Return the most bytes of its hierarchy: a twentieth of the store, and quantised boxes."""
         boxed = sum(count for kind, count in self.counts.items() if kind != Kind.SPHERE)
         return self.store_bytes // 20 + boxed * CODE_BYTES
 
     def blocks(self, limit: int = BLOCK_OBJECTS, dtype: Scalar = np.float64) -> Iterator[Block]:
-        """The objects, block by block, in the package's order."""
+        """Yield the objects, block by block, in the package's order."""
         return (task(dtype) for task in self.tasks(limit))
 
     def feed(self, sink: Sink, threads: int = 1, progress: Report | None = None) -> None:
@@ -287,7 +286,7 @@ class SpdScene(abc.ABC):
                 raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
 
     def fill(self, material: int) -> str:
-        """What names a material where it changes."""
+        """Return the line of text that sets a material."""
         m = self.materials[material]
         return f"f {_numbers(*m.color, *m[1:])}\n"
 
@@ -296,7 +295,7 @@ class SpdScene(abc.ABC):
 
 
 def phong_power(degrees: float) -> float:
-    """The Phong power at which a highlight has half its strength at this angle.
+    """Return the Phong power at which a highlight has half its strength at an angle.
 
     Zero degrees is as good as invisible, and a right angle or more as good as flat.
     """
@@ -327,13 +326,13 @@ def _numbers(*values: float) -> str:
 
 
 def square(half: float, z: float, dtype: Scalar) -> Block:
-    """A level square about the z axis, of the scene's first material."""
+    """Make a level square about the z axis, of the scene's first material."""
     corners = [(half, half, z), (-half, half, z), (-half, -half, z), (half, -half, z)]
     return polygon(corners, dtype)
 
 
 def polygon(corners: list[Vector], dtype: Scalar) -> Block:
-    """One polygon, of the scene's first material."""
+    """Make one polygon, of the scene's first material."""
     part = Part(
         Kind.POLYGON,
         np.array(corners, dtype),
@@ -362,7 +361,7 @@ def _counts(part: Part) -> npt.NDArray[np.uint32]:
 
 
 class _Ordered(NamedTuple):
-    """A block's objects in the package's order: which part each is in, and where."""
+    """Maps a block's objects, in the package's order, to their parts and their places there."""
 
     parts: Block
     owner: npt.NDArray[np.int64]

@@ -75,12 +75,12 @@ def bound(int kind, const unsigned char[::1] geometry, const uint32_t[::1] count
 
 
 cdef inline bint before(double size, uint64_t id, double other, uint64_t other_id) noexcept nogil:
-    """The order of the largest: by size, of one size by id."""
+    """Tell whether a box comes before another among the largest: by size, then by id."""
     return size > other or (size == other and id < other_id)
 
 
 cdef inline double size_of(const float* box) noexcept nogil:
-    """The square of a box's diagonal; 0 where it holds no point."""
+    """Return the square of a box's diagonal; 0 where it holds no point."""
     cdef double x = larger(<double>box[3] - box[0], 0.0)
     cdef double y = larger(<double>box[4] - box[1], 0.0)
     cdef double z = larger(<double>box[5] - box[2], 0.0)

@@ -17,7 +17,7 @@ from bfrt.store.store import bounds_to
 
 
 class GroupWriter:
-    """One group of a store.
+    """Writes one group of a store.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class GroupWriter:
 
     @property
     def bounds(self) -> Bounds:
-        """Those of all objects."""
+        """Return the bounds of all objects."""
         return self._extent.bounds
 
     def expect(self, counts: Mapping[Kind, int], surface: float) -> None:

@@ -53,7 +53,7 @@ Boxes = Iterable[NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """Settings of a hierarchy, by the paper's letters.
+    """Holds the settings of a hierarchy, by the paper's letters.
 
     Parameters
     ----------
@@ -90,14 +90,14 @@ class Hierarchy:
             raise SettingError(f"hierarchy: found l={self.l}, expected 1 to {MOST_LEVELS}")
 
     def threshold(self, count: int, level: int) -> tuple[float, bool]:
-        """T for the `level` over `count` boxes, and whether that is the last."""
+        """Return T for the `level` over `count` boxes, and whether that level is the last."""
         if count <= self.n or level >= self.l:
             return self.t, True
         return (self.s / count ** (1 / 3)) ** 2, False
 
 
 def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
-    """Settings of ``"s=3,n=1000,l=4,t=1,bits=8"``, any of them; the others are the default's.
+    """Parse settings such as ``"s=3,n=1000,l=4,t=1,bits=8"``; the default has those left out.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
 
 
 class Level:
-    """One level of a stream's hierarchy as it is made, in a file ``level1``, ``level2`` ...
+    """Writes one level of a stream's hierarchy, in a file ``level1``, ``level2`` ...
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def make_levels(
 
 
 def level_boxes(path: Path) -> Iterator[NDArray[np.float32]]:
-    """The boxes of a level, block by block."""
+    """Yield the boxes of a level, block by block."""
     try:
         with path.open("rb") as file:
             while block := file.read(PARENT.itemsize << 15):

@@ -13,7 +13,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, as NFF's ``v`` has it.
+    """Describes a pinhole camera, as NFF's ``v`` does.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ class Camera:
 
 
 class Light(NamedTuple):
-    """A point light at `position` (world units) of relative `color`."""
+    """Describes a point light."""
 
     position: Vector
     color: Vector = (1.0, 1.0, 1.0)
 
 
 class Material(NamedTuple):
-    """NFF's ``f``: color, diffuse, specular, Phong power, transmittance, index of refraction."""
+    """Describes a material, as NFF's ``f`` does."""
 
     color: Vector = (0.8, 0.8, 0.8)
     kd: float = 1.0
@@ -77,7 +77,7 @@ class Material(NamedTuple):
 
 
 def cross(a: list[float] | Vector, b: list[float] | Vector) -> Vector:
-    """The cross product of two 3-vectors."""
+    """Return the cross product of two 3-vectors."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

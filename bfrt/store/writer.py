@@ -335,7 +335,7 @@ class StoreWriter:
         materials: NDArray[np.uint32],
         group: int = 0,
     ) -> Prepared:
-        """What `add` will write of a block, worked out: any thread may do it, in any order.
+        """Prepare a block for `add`: any thread may do it, in any order.
 
         Parameters
         ----------
@@ -364,7 +364,7 @@ class StoreWriter:
             self._group(block.group).add(block)
 
     def _check_group(self, group: int) -> None:
-        """Groups are numbered as they come: each is an old one, or the next."""
+        """Refuse a group that is neither an old one nor the next: numbers have no gaps."""
         if isinstance(group, bool) or not 0 <= operator.index(group) <= len(self._groups):
             raise SettingError(
                 f"group: found {group!r}, expected 0 to {len(self._groups)}: the last is new"
@@ -373,7 +373,7 @@ class StoreWriter:
             raise SettingError(f"group: found {group}, expected fewer than {MOST_GROUPS}")
 
     def _group(self, number: int) -> GroupWriter:
-        """A group's writer; of a new one, made."""
+        """Return a group's writer, made if the group is new."""
         if number == len(self._groups):
             folder = self._aside / str(number)
             folder.mkdir()
@@ -381,7 +381,7 @@ class StoreWriter:
         return self._groups[number]
 
     def _origin_for(self, records: NDArray[Any]) -> Vector:
-        """The store's origin, which the first block decides."""
+        """Return the store's origin, which the first block decides."""
         if self._origin is None:
             self._origin = (0.0, 0.0, 0.0)
             if records.dtype != np.float32:
@@ -392,7 +392,7 @@ class StoreWriter:
         return self._origin
 
     def _is_wide(self, kind: Kind, dtype: np.dtype[Any], group: int) -> bool:
-        """Whether a stream is float64, which its first block decides where nobody else does."""
+        """Tell whether a stream is float64, which its first block decides unless `dtype` does."""
         if self._dtype is not None:
             return bool(self._dtype == np.float64)
         narrow = dtype == np.float32
@@ -504,7 +504,7 @@ class StoreWriter:
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """What is written here is whole, or the store is given up."""
+        """Give the store up if the block does not end well."""
         self._check_open()
         try:
             yield
@@ -536,7 +536,7 @@ class StoreWriter:
 
 
 def _relative(kind: Kind, records: NDArray[Any], origin: Iterable[float]) -> NDArray[Any]:
-    """Positions less the origin: the columns of a record that are positions."""
+    """Subtract the origin from the columns of a record that are positions."""
     if not any(origin):
         return records
     shifted = records.astype(np.float64)

@@ -37,7 +37,7 @@ SYNCERS = ThreadPoolExecutor(2, "bfrt-sync")
 
 
 def view_of(data: Data) -> memoryview:
-    """The bytes of `data`, uncopied."""
+    """Return the bytes of `data`, uncopied."""
     view = data.data if isinstance(data, np.ndarray) else memoryview(data)
     return view.cast("B") if view.nbytes else memoryview(b"")
 
@@ -61,7 +61,7 @@ def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) ->
 
 
 class FileWriter:
-    """A new file, with its length and CRC-32; `durable` ones are fsynced at the end.
+    """Writes a new file, with its length and CRC-32; a `durable` one is fsynced at the end.
 
     What the system refuses is raised by a later `write`, or by `close`.
     """
