@@ -58,16 +58,19 @@ class Hierarchy:
     Parameters
     ----------
     s : float
-        The side of a merged box, in those of cubes as many as there are boxes; more than 0.
+        The size of a merged box, more than 0: boxes are merged, in the order of the objects, while
+        the surface of the result is at most that of a cube of s voxels a side, in a grid of as many
+        voxels as there are boxes. That is T = (s / N^(1/3))^2 of the grid's surface for N boxes.
     n : int
-        Of so few boxes the last level is made.
+        A level over n boxes or fewer is the last; 1 or more.
     l : int
-        The last level, 1 to 8, if none before it was.
+        The most levels, 1 to 8.
     t : float
-        T for the last level: 1 merges all that is left.
+        T for the last level, 0 or more: 1 merges all boxes that are left.
     bits : {8, 0}
-        Of each side of an object's box as it is quantised; 0 leaves those out. Spheres have none:
-        their records are as small. (No letter of the paper's.)
+        Bits a side of objects' boxes, which are kept quantised beside the exact ones; 0 keeps the
+        exact ones only. Spheres have no quantised boxes: their records are as small. (The paper has
+        no letter for this.)
 
     Raises
     ------
@@ -102,7 +105,7 @@ def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
     Raises
     ------
     SettingError
-        If it is something else.
+        If the text is something else, or a setting is out of range.
     """
     base = default or Hierarchy()
     kinds = {f.name: type(getattr(base, f.name)) for f in fields(base)}
@@ -124,20 +127,20 @@ class Level:
     Parameters
     ----------
     folder : Path
-        The stream's.
+        The stream's folder.
     number : int
-        The level's, from 1.
+        The level's number, from 1.
     below : int
-        How many boxes the level below has.
+        Number of boxes in the level below.
     surface : float
-        The grid's.
+        The surface of the group's grid.
     quantised : bool
-        Whether the boxes below are kept quantised, in a file of that name.
+        Whether to keep the boxes below quantised, in a file of that name.
 
     Attributes
     ----------
     files : dict of str to FileWriter
-        By their names.
+        The level's files by their names.
     """
 
     def __init__(
@@ -174,7 +177,7 @@ class Level:
         self.seconds += time.perf_counter() - start
 
     def finish(self) -> None:
-        """Complete the last one, and the files."""
+        """Complete the last box, and the files."""
         made = np.empty(1, PARENT)
         self._keep(made[: self._merger.finish(made)], self._waiting[:0])
         for file in self.files.values():
@@ -216,15 +219,15 @@ def make_levels(
     Parameters
     ----------
     boxes : iterable of (n, 6) float32
-        Of all objects, in their order.
+        The boxes of all objects, in their order.
     count : int
-        How many they are.
+        Number of objects.
     surface : float
-        Of the group's grid.
+        The surface of the group's grid.
     first : Level, optional
-        The first level, where it was made as the objects came; `boxes` are of no use then.
+        The first level, where it was made as the objects came; `boxes` are not used then.
     quantised : bool
-        As for `Level`, of the first.
+        As for `Level`, for the first one.
     """
     levels: list[Level] = []
     last = count == 0
