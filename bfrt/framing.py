@@ -43,22 +43,25 @@ def framing_camera(
 ) -> Camera:
     """Return the camera that frames a scene: from the front, a little to the right and above.
 
-    It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius is
-    half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal angle of
-    view. So the sphere around the bounds touches the edges of the picture, or two of them.
+    The camera looks at the center of the bounds, from a distance of ``radius / sin(half)``: the
+    radius is half the bounds' diagonal, and ``half`` is half the smaller of the vertical and the
+    horizontal angle of view. So the sphere around the bounds touches all edges of a square picture,
+    and two edges of any other.
 
     Parameters
     ----------
     store : Store
-        Whose bounds are framed, all objects' together.
+        The store whose bounds are framed.
     eye, at : tuple of 3 float, optional
-        Where the eye is and what it looks at, in place of what frames the scene.
+        Where the eye is and the point it looks at, world coordinates, instead of those that frame
+        the scene.
     up : tuple of 3 float
-        Which way is up. The front is at right angles to it: -y where z is up, z where y is.
+        The direction that is up, of any length. The front is at right angles to it: -y if z is up,
+        z if y is up.
     angle : float
-        Field of view in degrees from the bottom to the top of the image, in (0, 180).
+        Vertical field of view, from the bottom to the top of the image, in degrees, in (0, 180).
     resolution : tuple of 2 int
-        Width and height in pixels; where it is higher than it is wide, the width has to fit.
+        Width and height in pixels, 1 to 65535 each.
 
     Returns
     -------
@@ -67,9 +70,9 @@ def framing_camera(
     Raises
     ------
     SettingError
-        If there is nothing to frame: no objects, or no extent; if `up` is no direction.
+        If there is nothing to frame, no objects or no extent; or if `up` is no direction.
     SceneError
-        As of `Camera`, if a value is out of range or what is given does not span a view.
+        If a value is out of range, or eye, at and up do not span a view.
     """
     view = Camera(way_to_eye(up), (0.0, 0.0, 0.0), up, angle, resolution=resolution)
     if eye is not None and at is not None:
@@ -91,16 +94,16 @@ def framing_camera(
 def framing_lights(store: Store, camera: Camera) -> list[Light]:
     """Return two lights for a scene that has none: `KEY` and `FILL`.
 
-    A light is at ``eye + size (x right + y up + z back)``, with the camera's axes, and as size the
-    eye's distance from the center of the bounds, or their radius if that is more: light falls at
-    the same angles on a scene that is seen whole from near or far, and on what an eye in the midst
-    of it sees.
+    Each light is at ``eye + size (x right + y up + z back)``, along the camera's axes. The size is
+    the eye's distance from the center of the bounds, or their radius if that is more: so light
+    falls at the same angles on a scene that is seen whole, from near or far, and on the part of it
+    that an eye inside the scene sees.
 
     Parameters
     ----------
     store : Store
     camera : Camera
-        The view that they light.
+        The view to light.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Every record that touches disk or crosses a phase, declared once.
 
 All are little-endian and packed. ``records.pxd`` has the C twins; ``tests/test_records.py`` holds
-the two together. Positions and directions are float64, because all arithmetic is; geometry and
-boxes on disk are what DESIGN's byte counts allow.
+the two together. Positions and directions are float64, because all arithmetic is. On disk geometry
+is float32 or float64, and boxes are float32, rounded outwards: they make up most of what is read.
 
 ===========  =====  ==========================================================================
 record       bytes  what it is

@@ -1,5 +1,5 @@
-"""Which objects a pass looks at: all of them, or those below the boxes of the hierarchy that are near
-what the pass is about."""
+"""The objects that a pass looks at: all, or those whose parents in the hierarchy are near its rays
+or its subspace."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ cdef class Slabs:
     ----------
     grid : Grid
         The grid.
-    marks : bfrt.planes.marks.Marks
+    marks : bfrt.grid.marks.Marks
         Its marks.
     room : int
         Bytes of a slab; one layer is taken even where it has more. The memory is taken here.

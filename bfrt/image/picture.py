@@ -28,19 +28,21 @@ class Image:
     Parameters
     ----------
     channels : dict of str to ndarray, shape (height, width)
-        R G B A, linear float32; and as far as they were asked for: Z (inf on a miss), N.X N.Y N.Z,
-        P.X P.Y P.Z (the position, inf on a miss), albedo.R albedo.G albedo.B (the material's color)
-        float32, id.lo id.hi uint32 (the halves of the 64-bit object id, both 0xFFFFFFFF on a
-        miss). The arrays are kept, not copied.
+        The arrays, which are kept, not copied. R G B A are needed: linear color and alpha, float32.
+        A render adds these of each pixel's first sample: Z, float32, the distance from the eye in
+        world units, inf on a miss; N.X N.Y N.Z, float32, the unit normal, 0 on a miss; id.lo
+        id.hi, uint32, the halves of the 64-bit object id, 0xFFFFFFFF on a miss; and on request P.X
+        P.Y P.Z, float32, the position in world coordinates, inf on a miss, and albedo.R albedo.G
+        albedo.B, float32, the material's color, 0 on a miss.
     metadata : dict of str to str
-        The scene and the settings that change the picture.
+        The scene and the settings that change the picture. ``.exr`` files contain it.
     stats : bfrt.stats.Stats, optional
-        What the render counted. Not part of any file.
+        The counters of the render. No file contains them.
 
     Raises
     ------
     SettingError
-        If a color channel is missing, or shapes or types are others than these.
+        If a color channel is missing, or shapes or types differ from these.
     """
 
     def __init__(
@@ -103,18 +105,18 @@ class Image:
 
         Parameters
         ----------
-        path : path
-            The suffix decides: ``.exr`` keeps every channel and the metadata, ``.png`` is clipped
-            8-bit sRGB without alpha, ``.npy`` is `rgba`.
+        path : path-like
+            The file to write. The suffix decides: ``.exr`` keeps every channel and the metadata,
+            ``.png`` is clipped 8-bit sRGB without alpha, ``.npy`` is `rgba`.
         half : bool
             Store color and alpha in 16 bits, clamped to +-65504; only for ``.exr``.
 
         Raises
         ------
         SettingError
-            If the suffix is another, or `half` is asked of a format that has none.
-        StreamError
-            If the system refuses a write; `DiskFullError` where it has no room.
+            If the suffix is another, or `half` is given for another format than ``.exr``.
+        DiskFullError, StreamError
+            If the system refuses a write; nothing half-written is left.
         """
         suffix = Path(path).suffix.lower()
         if suffix not in SUFFIXES:

@@ -77,10 +77,14 @@ SPLITS: Fields = {"ray_splits": (np.int64, ())}
 class Answer(dict[str, NDArray[Any]]):
     """Maps names to the arrays of a query's answer.
 
+    It is a dict. Each query's docstring lists its keys, such as ``t_hit``, with shapes and dtypes;
+    arrays that went to a folder are memory maps.
+
     Attributes
     ----------
-    stats : Stats
-        The counters; ``stats.bad_rays`` are NaN, infinite or of no length, and hit nothing.
+    stats : bfrt.stats.Stats
+        The counters of the query. ``stats.bad_rays`` counts rays that are NaN, infinite or of no
+        length; they hit nothing.
     """
 
     stats: Stats

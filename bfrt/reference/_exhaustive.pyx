@@ -118,7 +118,7 @@ def meet(GeometryCursor g, int64_t n, double grow, const double[:, ::1] rays, do
     Parameters
     ----------
     grow : float
-        DESIGN's d.
+        d, by which boxes grow (docs/algorithm.rst, Exactness).
     rays : (m, 9) float64
         IN. From `lines`; those with a NaN for an origin are passed over.
     t, ids : (m,) float64, uint64

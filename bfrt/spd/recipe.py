@@ -225,23 +225,31 @@ class SpdScene(abc.ABC):
         threads: int | None = None,
         progress: Report | None = None,
     ) -> Scene:
-        """Write the scene as a scene store, float32; returns it, opened.
+        """Write the scene as a scene store, with float32 geometry.
 
         Parameters
         ----------
         path : path-like
             The store to make.
         hierarchy : Hierarchy, optional
-            Settings of the box hierarchy; by default those that the paper has for the scene.
+            Settings of the box hierarchy. By default the paper's for this scene.
         threads : int, optional
-            That make blocks; by default all cores that this process may use.
+            Threads that make blocks. By default all cores that this process may use.
         progress : callable, optional
-            Called with the objects written so far; returning False cancels.
+            Called with the number of objects written so far; returning False cancels.
+
+        Returns
+        -------
+        Scene
+            The new store, opened.
 
         Raises
         ------
         DiskFullError
-            If the disk has less room than the store takes: before anything is written.
+            If the disk has less room than the store takes; this is found before anything is
+            written.
+        StreamError
+            If the system refuses a write.
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
@@ -261,9 +269,14 @@ class SpdScene(abc.ABC):
         Parameters
         ----------
         file : text file
-            Open for writing. Numbers have six digits, as C's %g gives them.
+            A file open for writing. Numbers have six digits, as C's %g writes them.
         threads, progress
             As for `write`.
+
+        Raises
+        ------
+        Cancelled
+            If `progress` returned False; the file has the text written so far.
         """
         file.write(_head(self.background, self.camera, self.lights))
         fills = [self.fill(number).encode() for number in range(len(self.materials))]

@@ -1,8 +1,8 @@
 """Bounds of a group as it is written, and the outliers that its grid is better without.
 
 A few objects far larger than the rest (a ground polygon) would make a grid in which all others
-share a few voxels. The largest boxes are kept aside, and those without which the grid's volume at
-least halves stay out of it (DESIGN section 4); every ray is tested against them first.
+share a few voxels. The largest boxes are kept aside. The boxes whose absence at least halves the
+grid's volume stay out of it (docs/algorithm.rst, Outliers); every ray is tested against them first.
 """
 
 from __future__ import annotations
