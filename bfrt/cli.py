@@ -74,7 +74,7 @@ def resolutions_apart(arguments: Sequence[str]) -> list[str]:
 
 
 def fail(error: object, status: int) -> int:
-    """Say what went wrong, in one line."""
+    """Print an error in one line."""
     print(f"bfrt: {error}", file=sys.stderr)
     return status
 

@@ -28,7 +28,7 @@ from bfrt.view import View
 
 
 def plan_of(store: Store, view: View, settings: Settings, held: Capacities) -> Plan:
-    """Tell what a render of a view would take, with what its budget holds: `bfrt.plan`."""
+    """Plan a render of a view with the capacities of its budget, for `bfrt.plan`."""
     told = {
         "refine": settings.refinement.name,
         "memory": settings.memory,
@@ -105,15 +105,15 @@ class Swept(NamedTuple):
     Attributes
     ----------
     top : int
-        Of the hierarchy's last levels, which every pass reads.
+        Bytes of the hierarchy's last levels, which every pass reads.
     levels : int
-        Of all levels.
+        Bytes of all levels.
     boxes : int
-        Of what tells where objects are: boxes, spheres, ends of polygons.
+        Bytes that tell where objects are: boxes, spheres, ends of polygons.
     coded : int
         The same by quantised boxes, where there are any and the hierarchy is used.
     shapes : int
-        Of all other geometry.
+        Bytes of all other geometry.
     materials : int
     ends : int
         Of the ends of polygons, which are among the boxes: a thread that begins with a polygon
@@ -268,10 +268,11 @@ class _Planner:
         return ASSUMED.passes + ASSUMED.passes_full * wave.rays / self._held.rays
 
     def _pass_bytes(self, wave: Wave, grid: GridPlan, swept: Swept) -> float:
-        """Read in one pass: of what is near rays, and what lies between.
+        """Estimate the bytes read in one pass: of objects near rays, and of short gaps between.
 
-        That is more than the part of the voxels that are candidates, for parents are larger than
-        voxels, and short gaps are read through: its root fits, to a billion objects.
+        They are a larger part of all bytes than candidates are of all voxels, since parents are
+        larger than voxels, and short gaps are read through: the root of that part fits, to a
+        billion objects.
         """
         if not self._refinement.lazy:
             return swept.all
@@ -282,13 +283,13 @@ class _Planner:
         return swept.top + near * (swept.all - swept.top)
 
     def _least_bytes(self, swept: Swept) -> int:
-        """Read in one pass at the least."""
+        """Return the least bytes read in one pass."""
         if self._refinement.hierarchy:
             return swept.top
         return swept.boxes if self._refinement.lazy else swept.all
 
     def _slab_bytes(self, grid: GridPlan, readings: float) -> float:
-        """Read of the marks: once as rays enter a grid, or slab by slab, so many times."""
+        """Return the bytes read of marks: once a grid, or slab by slab, `readings` times."""
         if grid.slabs > 1:
             return grid.marks_bytes * readings
         entered = 1 if len(self._grids) == 1 else self._bands * len(self._likely)
@@ -299,7 +300,7 @@ class _Planner:
         return sum(math.ceil(wave.hits / max(1, self._held.hits)) for wave in rounds)
 
     def _shaded_bytes(self) -> tuple[float, float]:
-        """Read in the shading, spools included: an estimate, and the most."""
+        """Estimate the bytes read in shading, spools included, and the most bytes."""
         whole = sum(swept.all + swept.ends + swept.materials for swept in self._swept)
         read = self._shading_passes(self._likely) * whole
         if self._refinement.lazy:

@@ -1,4 +1,4 @@
-"""How far a render or a query is: told to a caller, or shown as a bar."""
+"""Progress of a render or a query: reported to a caller, or shown as a bar."""
 
 from __future__ import annotations
 

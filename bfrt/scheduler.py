@@ -69,13 +69,13 @@ class RenderState:
     stats: Stats
 
     def turn(self) -> None:
-        """Go on to the next depth: the rays that were made are those that wait."""
+        """Go on to the next depth: the rays just made become the waiting ones."""
         self.hits.clear()
         self.waiting, self.following = self.following, self.waiting
         self.queue = self.waiting
 
     def close(self) -> None:
-        """Give back what is on disk."""
+        """Free the disk."""
         for spool in (self.waiting, self.following, self.hits):
             spool.close()
 
@@ -88,7 +88,7 @@ class Render:
     tracer : Tracer
     view : View
     stats : Stats
-        What is counted.
+        The counters of the render.
     report : Report
         Called after each pass.
     """
@@ -134,7 +134,7 @@ class Render:
         state.stats.bad_rays = self._tracer.bad
 
     def _one_depth(self) -> None:
-        """Trace the rays that wait, and shade what they hit."""
+        """Trace the waiting rays, and shade their hits."""
         state = self._state
         state.depth += 1
         with state.stats.depth(state.depth) as counters:

@@ -92,7 +92,7 @@ class Settings:
         fresh_marks: bool = False,
         scratch: str | os.PathLike[str] | None = None,
     ) -> Settings:
-        """Check settings as a caller gives them: those of `bfrt.render`.
+        """Check the settings of `bfrt.render` and the queries as a caller gives them.
 
         Raises
         ------
@@ -114,7 +114,7 @@ class Settings:
         )
 
     def scratch_beside(self, path: Path) -> Path:
-        """Return the folder for spools: that which was asked for, else beside a path."""
+        """Return the folder for spools: the one asked for, else one beside a path."""
         return scratch_folder(self.scratch, path)
 
 
@@ -146,7 +146,7 @@ def folder_of(name: str, value: str | os.PathLike[str]) -> Path:
 
 
 def scratch_folder(scratch: str | os.PathLike[str] | None, beside: Path) -> Path:
-    """Return the folder for what does not fit in memory.
+    """Return the folder for temporary files.
 
     Parameters
     ----------

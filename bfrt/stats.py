@@ -39,13 +39,13 @@ class Phase:
             self.seconds += time.perf_counter() - start
 
     def swept(self, scans: GroupScans) -> None:
-        """Take over what sweeps have read."""
+        """Add the bytes and seeks of sweeps since the last call."""
         read, seeks = scans.counts()
         self.bytes_read += read
         self.seeks += seeks
 
     def spooled(self, spool: Spool) -> None:
-        """Take over what a spool has read and written."""
+        """Add the bytes and seeks of a spool since the last call."""
         read, written, seeks = spool.counts()
         self.bytes_read += read
         self.bytes_written += written
@@ -88,7 +88,7 @@ class Counters:
     seconds: float = 0.0
 
     def sweep(self, boxes: int, scans: GroupScans, begins: bool = True) -> None:
-        """Count one pass, or more of one, with so many boxes read, and what geometry was."""
+        """Count a pass, or the rest of one, with the boxes and the geometry that it read."""
         self.passes += begins
         self.boxes_read += boxes
         self.geometry_read += scans.geometry_read()

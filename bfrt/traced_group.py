@@ -30,7 +30,7 @@ class Field:
     group : Group
     settings : Settings
     limits : Limits
-        What memory holds of a grid.
+        The limits that memory sets to a grid.
     scans : GroupScans
         Its objects.
     workers : Workers
@@ -43,7 +43,7 @@ class Field:
     marks_reused : bool
         Whether marks were there.
     facts : dict
-        What the counters tell of the grid.
+        The grid's entries in the counters.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Field:
         return writer.marks
 
     def open(self, blocks: int, subspace: int) -> Ground:
-        """Take memory for the grid, with so many lower-level blocks."""
+        """Take memory for the grid, with `blocks` lower-level blocks."""
         marks = open_marks(self._marks_path, self._store, self._layout)
         if marks is None:  # another render has made others since
             marks = self._make(subspace, Counters())

@@ -66,14 +66,14 @@ class Tracer:
     store : Store
     settings : Settings
     capacities : Capacities
-        What the budget is divided into.
+        The capacities that the memory budget gives.
 
     Attributes
     ----------
     fields : list of Field
         The groups, each with its grid.
     prepared : Counters
-        What it took to make all this ready, marks above all.
+        The time and traffic of making all this ready, marks above all.
     """
 
     def __init__(self, store: Store, settings: Settings, capacities: Capacities) -> None:
@@ -126,14 +126,14 @@ class Tracer:
         self.close()
 
     def close(self) -> None:
-        """End the threads, close the files, and give back what is on disk."""
+        """End the threads, close the files, and free the disk."""
         self._leave()
         for spool in self._between:
             spool.close()
         self.workers.close()
 
     def begin(self, stats: Stats) -> None:
-        """Tell a record of what was prepared; a second one, that all was there."""
+        """Add the work of preparing to a record of counters; a second one gets none of it."""
         stats.marks_reused = all(field.marks_reused for field in self.fields)
         stats.grids.extend(field.facts for field in self.fields)
         stats.total.add(self.prepared)

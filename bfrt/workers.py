@@ -101,7 +101,7 @@ class Workers:
         self._each(lambda worker, _: work(worker), alone=False)
 
     def _each(self, loop: Loop, *, alone: bool) -> None:
-        """Have all workers, or one, run a loop that ends when it is told to stop."""
+        """Run a loop, which ends when it is told to stop, on all workers or on one."""
         stop = threading.Event()
         failures: list[BaseException] = []
 
@@ -139,7 +139,7 @@ def ahead(make: Callable[[Given], Made], given: Iterable[Given], threads: int) -
     Raises
     ------
     Exception
-        What `make` raised, in its turn; no new work is begun after it.
+        The exception that `make` raised, in its turn; no new work is begun after it.
     """
     with ThreadPoolExecutor(threads, "bfrt-ahead") as pool:
         pending: deque[Future[Made]] = deque()

@@ -74,7 +74,7 @@ def bent(const number[:, ::1] corners, const uint32_t[::1] counts, double part, 
     Parameters
     ----------
     corners : (m, 3) float32 or float64
-        Of all faces, one after the other.
+        The corners of all faces, one face after the other.
     counts : (n,) uint32
         Corners of each.
     part : float
@@ -86,7 +86,7 @@ def bent(const number[:, ::1] corners, const uint32_t[::1] counts, double part, 
     Returns
     -------
     (n,) bool
-        What has no plane counts as flat.
+        A face without a plane counts as flat.
     """
     cdef Py_ssize_t face, first = 0
     cdef uint8_t[::1] out
@@ -229,7 +229,7 @@ cdef bint is_fan(const number[:, ::1] corners, Py_ssize_t first, uint32_t count,
 
 cdef void look_along(const number[:, ::1] corners, Py_ssize_t first, uint32_t count,
                      double[:, ::1] outlines) noexcept nogil:
-    """Put a face onto its plane, of which the two axes are seen that it shows best."""
+    """Project a face onto its plane, seen along the axis that is steepest to the plane."""
     cdef Vec n = unit(facing_of(corners, first, count).normal)
     cdef Vec a = at(corners, first)
     cdef Vec v

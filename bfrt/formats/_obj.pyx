@@ -286,7 +286,7 @@ cdef class Lines(Tokens):
         return True
 
     cdef int keep_material(self) except -1 nogil:
-        """Keep what tells of materials."""
+        """Keep a statement about materials: usemtl or mtllib."""
         if self.text.at[0] != b"u" and self.text.at[0] != b"m":
             return 0
         measure(&self.text)
@@ -296,7 +296,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef int note_statement(self) except -1 nogil:
-        """Count what is known, and what nobody knows, which is binary if a NUL is in its line."""
+        """Count a statement that is known, or unknown; one with a NUL in its line is binary."""
         cdef int i
         cdef unsigned char *begin = self.text.at
         measure(&self.text)

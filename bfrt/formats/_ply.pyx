@@ -101,7 +101,7 @@ cdef class Rows(Tokens):
     Parameters
     ----------
     rows : int
-        How many there are.
+        Number of rows.
     kinds, counts : sequence of int
         The type of each property, and that of its list's count; -1 where it is no list.
     columns : sequence of int
@@ -116,7 +116,7 @@ cdef class Rows(Tokens):
     Attributes
     ----------
     row : int
-        That comes next, or is bad.
+        The row that comes next, or is bad.
     found : float
         The count or index that is bad.
     """

@@ -55,7 +55,7 @@ cdef class Facets(Tokens):
 
     @property
     def expected(self):
-        """Return what the grammar expects next, in words."""
+        """Return the word or thing that the grammar expects next."""
         if self.step == 0:
             return "solid, facet or endsolid"
         return "a number" if FACET[self.step] == NULL else FACET[self.step][self.ended:].decode()
@@ -102,7 +102,7 @@ cdef class Facets(Tokens):
         return count
 
     cdef bint pass_word(self) noexcept nogil:
-        """Pass over the word that is due, or over what may be before it."""
+        """Pass over the word that is due, or over text that may precede it."""
         measure(&self.text)
         if self.is_word(FACET[self.step] + self.ended):
             consume(&self.text)

@@ -54,14 +54,14 @@ BLOCK_BYTES = 8 << 20
 
 
 def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
-    """Write what arrays with names hold.
+    """Write a scene made of named arrays: triangles, a mesh, or points.
 
     Raises
     ------
     SceneError
         If no names or shapes are known.
     SettingError
-        If a setting names what is not there.
+        If a setting names an array that is missing.
     """
     reading = outlet.reading
     points = reading.positions is not None

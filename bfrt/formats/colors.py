@@ -101,7 +101,7 @@ class Painter:
     Parameters
     ----------
     sink
-        What gives materials their indices.
+        The sink that gives materials their indices.
     reading : Reading
     values : iterable of ndarray
         All numbers, block by block, to find their range; not looked at where it is given.

@@ -43,7 +43,7 @@ class Dataset:
     origins : Origins
         The files that it is made of.
     frame : int, optional
-        Of the first dimension, which is then none.
+        A frame along the first dimension, which the array then does not have.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class Datasets(Mapping[str, Array]):
         return Field(array, path) if path else array
 
     def _list(self) -> None:
-        """Find the names of all datasets: what only links lead to comes last."""
+        """Find the names of all datasets; datasets that only links lead to come last."""
         seen: set[tuple[int, int]] = set()
         files: dict[int, Any] = {}  # open, so that one that is linked twice is the same
         hard = [""]

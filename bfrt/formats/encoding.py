@@ -31,7 +31,7 @@ class Decoder:
     Parameters
     ----------
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     """
 
     def __init__(self, name: str) -> None:
@@ -63,7 +63,7 @@ class Decoder:
         return piece if self._units is None else self._transcoded(piece, final=final)
 
     def _begin(self, head: bytes) -> bytes:
-        """Choose how to go on; returns what is behind the mark."""
+        """Choose the encoding by the mark; return the bytes behind it."""
         self._held = None
         mark = mark_of(head)
         if MARKS.get(mark, "utf-8") != "utf-8":

@@ -1,4 +1,4 @@
-"""What is to be known of a LAS or LAZ file before laspy and lazrs may have it.
+"""Checks of a LAS or LAZ file before laspy and lazrs read it.
 
 They believe a header's counts: laspy makes four billion records of nothing, and lazrs, which asks
 for memory by such a count and gets none, ends the process. Where lazrs is surprised it writes so to
@@ -179,7 +179,7 @@ def backend_for(source: Source, header: Any, backends: Any) -> Any:
 
 
 def check_items(name: str, record: bytes, point: int) -> None:
-    """Refuse what points are made of where it has not the bytes that a point has.
+    """Refuse a list of point items whose sizes do not add up to the size of a point.
 
     Raises
     ------

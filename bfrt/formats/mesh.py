@@ -50,9 +50,9 @@ class Faces(NamedTuple):
     indices : (m,) int64
         The vertices of all, one face after the other.
     counts : (n,) uint32
-        How many each has.
+        Number of corners of each face.
     values : (n,) or (n, 3) ndarray, optional
-        What each is painted by.
+        The number or the color that paints each face.
     materials : (n,) uint32, optional
     """
 
@@ -68,13 +68,13 @@ class Mesh(Protocol):
     Attributes
     ----------
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     vertices : int
-        How many there are.
+        Number of vertices.
     row : numpy.dtype
-        Of the numbers of a vertex.
+        The type of the numbers of a vertex.
     coordinates : numpy.dtype
-        Of its position, as the file has it.
+        The type of its position in the file.
     columns : int
         Numbers of a vertex: three, and what it is painted by.
     painted : bool

@@ -1,4 +1,4 @@
-"""What a file's arrays are, by their names: which are a mesh, positions, radii, colors.
+"""The meaning of a file's arrays by their names: a mesh, positions, radii, colors.
 
 A name's last part counts, in any case; the part before, its folder, tells what belongs together:
 

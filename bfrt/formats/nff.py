@@ -107,7 +107,7 @@ def read_nff(
     source : str, path or binary stream
         The file; "-" is standard input. A stream is read from where it stands and left open.
     writer : SceneSink
-        What takes the scene. It must copy the arrays that it keeps.
+        The receiver of the scene. It must copy the arrays that it keeps.
     progress : callable, optional
         Called after each chunk with the number of bytes consumed so far.
 

@@ -182,7 +182,7 @@ def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None
 
 
 def by_shape(array: NpyArray) -> dict[str, Any]:
-    """Name the array by its shape: triangles, positions, or what the shape says."""
+    """Return the array under the name that its shape suggests: triangles or positions."""
     if array.shape[1:] in ((3, 3), (9,)):
         return {"triangles": array}
     if array.shape[1:] in ((3,), (4,)) or (len(array.shape) == 3 and array.shape[2] == 3):

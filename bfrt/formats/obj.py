@@ -74,7 +74,7 @@ class ObjVertices:
             self._kept.append(block)
 
     def _check(self, lines: Lines) -> None:
-        """Refuse what is no OBJ, has nothing to draw, or has not the colors that are asked for."""
+        """Refuse a file that is no OBJ, has nothing to draw, or lacks the colors asked for."""
         known = lines.vertices + lines.faces + lines.passed
         if lines.unknown > known:
             number, word = lines.stranger
@@ -111,7 +111,7 @@ class ObjVertices:
 
 
 def refuse_fault(lines: Lines, name: str) -> None:
-    """Raise what the parser found wrong."""
+    """Raise the fault that the parser found."""
     if lines.fault:
         told = WORDS[Fault(lines.fault)].format(shown(lines.token))
         raise SceneError(f"{name}: line {lines.line}: {told}")

@@ -1,4 +1,4 @@
-"""Where readers of points and meshes put objects: what is not finite is refused or dropped."""
+"""The way of points, triangles and faces into a sink; objects that are not finite are refused."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LARGEST = float(np.finfo(np.float32).max)
 
 
 class SceneSink(Protocol):
-    """Receives what readers read.
+    """Takes the scene that a reader reads: objects, materials, view and lights.
 
     The arrays of ``append`` and ``append_polygons`` are the sink's from then on. Objects of a kind
     come in input order, in blocks; blocks of different kinds come as they fill.
@@ -82,7 +82,7 @@ class Outlet:
     ----------
     sink : SceneSink
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     reading : Reading
 
     Attributes
@@ -223,7 +223,7 @@ class Outlet:
         return good
 
     def report(self) -> None:
-        """Say how many were dropped, and what became of faces."""
+        """Log how many objects were dropped, and how faces were cut."""
         if self.dropped:
             log.warning("%s: %d objects that are not finite were dropped", self.name, self.dropped)
         self._triangulation.report()

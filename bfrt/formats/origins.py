@@ -1,4 +1,4 @@
-"""Where the rows of an HDF5 dataset come from: its own file, or those that it is virtual over.
+"""The files that the rows of an HDF5 dataset come from: its own, or those of a virtual one.
 
 ::
 
@@ -68,7 +68,7 @@ class Part(NamedTuple):
     Attributes
     ----------
     shape : tuple of int
-        That the rows' dataset has at the least; empty for any.
+        The least shape that the rows' dataset must have; empty for any.
     """
 
     file: str
@@ -91,7 +91,7 @@ class Origins:
         ----------
         dataset : h5py.h5d.DatasetID
         place : str
-            Of the dataset, for errors.
+            Name of the dataset, for errors.
         outer : tuple
             The virtual datasets that are made of this one.
 
@@ -123,7 +123,7 @@ class Origins:
         self._whole.add(key)
 
     def check_sizes(self) -> None:
-        """Refuse a file that ends before it did: HDF5 reads what is missing as zeros.
+        """Refuse a file that has become shorter: HDF5 reads missing bytes as zeros.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class Origins:
         self._files.clear()
 
     def _hold(self, file: Any) -> Opened:
-        """Keep a file open; returns what is known of it."""
+        """Keep a file open; return its name, size and id."""
         descriptor = file.get_vfd_handle()
         if descriptor not in self._files:
             size = os.fstat(descriptor).st_size
@@ -150,7 +150,7 @@ class Origins:
         return self._files[descriptor]
 
     def _add_parts(self, plist: Any, k: int, home: Opened, place: str, outer: Any) -> None:
-        """Open what a mapping leads to."""
+        """Open the files that a mapping leads to."""
         for number, part in enumerate(parts_of(plist, k)):
             found = self._found(part, home)
             if found is None and number:

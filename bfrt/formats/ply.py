@@ -244,7 +244,7 @@ class Ply:
             buffer[:left] = buffer[end - left : end].copy()
 
     def check_end(self) -> None:
-        """Warn of what is behind the last element."""
+        """Warn of bytes or text behind the last element."""
         end = self._place(len(self.elements))
         left = self.source.size - end.offset
         if self.layout == "text":

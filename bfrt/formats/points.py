@@ -1,4 +1,4 @@
-"""Points, which become spheres of a radius that is given or that each has."""
+"""Points, which become spheres: of one radius, or of a radius for each."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PointBlock(NamedTuple):
     radii : (n,) ndarray, optional
         Each one's own.
     values : (n,) or (n, 3) ndarray, optional
-        What each is painted by.
+        The number or the color that paints each point.
     """
 
     centers: NDArray[Any]
@@ -39,7 +39,7 @@ class Points(Protocol):
     Attributes
     ----------
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     painted : bool
         Whether they have numbers or colors to be painted by.
     """

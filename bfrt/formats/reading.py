@@ -1,4 +1,4 @@
-"""What is asked of a reader, beside the file."""
+"""The settings of a conversion, and which files use them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Uses:
     Parameters
     ----------
     files : int
-        How many they are.
+        Number of files in the call.
     """
 
     files: int = 1
@@ -59,7 +59,7 @@ class Reading:
     Parameters
     ----------
     radius : float or str, optional
-        Of all points, in the file's units, or the name of a column that has each one's.
+        The radius of all points, in the file's units, or the name of a column with one for each.
     positions : str, optional
         Name of the column, array or dataset that has the points' positions.
     color_by : str, optional
@@ -79,7 +79,7 @@ class Reading:
     scratch : Path
         Folder for what does not fit.
     uses : Uses
-        What the other files of a call have use for.
+        The settings that the other files of a call use.
 
     Raises
     ------

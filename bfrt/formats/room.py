@@ -1,4 +1,4 @@
-"""What a conversion takes of its memory budget, and the room that it leaves for a mesh's vertices.
+"""The memory that a conversion takes, and the room that it leaves for a mesh's vertices.
 
 Beside the process there are blocks: those that are read, that objects are made of, that wait for
 threads, and that are written. They are of fixed sizes, and a small file does not fill them::
@@ -34,11 +34,11 @@ class Taken(NamedTuple):
     Attributes
     ----------
     blocks : int
-        Where the file fills them.
+        Bytes of the blocks, if the file fills them.
     library : int
-        That reads it.
+        Bytes of the library that reads the format.
     fewest : int
-        The least room.
+        Bytes of the least room for vertices.
     packed : bool
         Whether a file holds more than its bytes tell.
     """
@@ -72,7 +72,7 @@ def room_for(name: str, memory: int, size: int | None = None, *, colored: bool =
     Parameters
     ----------
     name : str
-        Of the file, or of what it is converted from.
+        Name of the file, or of the scene that is converted.
     memory : int
         Bytes that the whole process may take.
     size : int, optional

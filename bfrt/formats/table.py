@@ -79,7 +79,7 @@ class Field:
     Parameters
     ----------
     array : Array
-        Of records.
+        An array of records.
     paths : tuple of tuple of str
         The names that lead to each field, more than one where records are in records.
     """

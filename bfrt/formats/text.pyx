@@ -1,4 +1,4 @@
-"""What parsers of text have in common; the loops over it are in ``text.pxd``."""
+"""The common part of text parsers; its loops are in ``text.pxd``."""
 
 from libc.math cimport INFINITY, NAN
 

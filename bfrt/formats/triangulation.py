@@ -1,4 +1,4 @@
-"""Faces of more than three corners as triangles: of those that are not flat, of all, or of none.
+"""Faces of more than three corners as triangles: all of them, those that are not flat, or none.
 
 A polygon lies in one plane. Where a face is not flat its neighbors' planes are others, and a closed
 mesh would leak; triangles between corners share their edges with whatever is beside them. A face of
@@ -76,7 +76,7 @@ class Triangulation:
         corners : (m, 3) ndarray
         counts : (n,) uint32
         numbers : (n,) int64
-            Of the faces in the file.
+            Number of each face in the file.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class Triangulation:
             )
 
     def report(self) -> None:
-        """Say what became of faces."""
+        """Log how faces were cut."""
         if self._bent:
             log.warning(
                 "%s: %s faces that are not flat became %s triangles",
@@ -138,11 +138,11 @@ def are_filled(
     Parameters
     ----------
     outlines : (m, 2) float64
-        Of faces that turn left.
+        The outlines of faces that turn left.
     triangles : (t, 3) int64
-        Of one face after the other.
+        The triangles of one face after the other.
     counts : (n,) uint32
-        How many each has.
+        Number of corners of each face.
     """
     a, b, c = outlines[triangles.T]
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T

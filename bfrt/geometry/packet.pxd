@@ -1,5 +1,4 @@
-"""Eight boxes side by side, in vector lanes, and those that one line meets: what box.pxd says of one
-at a time.
+"""Eight boxes side by side in vector lanes: the work of box.pxd, for one line and eight at a time.
 
 ::
 

@@ -100,7 +100,7 @@ cdef class HierarchyWalk:
         Returns
         -------
         int
-            How many; 0 at the end.
+            Number of ranges; 0 at the end.
         """
         cdef int64_t n
         with nogil:
@@ -109,7 +109,7 @@ cdef class HierarchyWalk:
 
     cdef int64_t find(self, int64_t[:, ::1] ranges, int64_t objects,
                       float[:, ::1] parents) except -1 nogil:
-        """Do what `choose` says."""
+        """Find the ranges for `choose`, without the GIL."""
         cdef const Planes* planes = &self.grid.planes
         cdef Parent parent
         cdef bint near

@@ -1,4 +1,4 @@
-"""Voxels as bricks: those that have a mark, and where in them there is nothing."""
+"""Bricks of voxels: the bricks that have a mark, and the parts of them that have none."""
 
 from libc.stdint cimport int64_t, uint8_t
 from libc.string cimport memcpy, memset
@@ -54,7 +54,7 @@ def pack(const uint8_t[:, :, ::1] marks, uint8_t[:, ::1] bricks, uint8_t[:, ::1]
     Returns
     -------
     int
-        How many.
+        Number of bricks.
     """
     cdef int64_t row, x, j, k, width, n = 0
     cdef uint8_t* brick

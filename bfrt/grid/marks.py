@@ -114,7 +114,7 @@ class Marks:
     occupied : ndarray of uint8, shape (layers, rows, bricks of a row)
         Which bricks are kept: 0 or 1.
     first : ndarray of int64, shape (layers + 1,)
-        How many bricks come before each layer's.
+        Number of bricks before each layer.
     at : ndarray of int64, shape (layers + 1,)
         Where each layer begins in the file, and the last ends.
     """
@@ -177,7 +177,7 @@ class MarksWriter:
     Attributes
     ----------
     marks : Marks
-        What was written, when all of it is.
+        The marks written, when all layers are.
     """
 
     def __init__(self, file: io.FileIO, path: Path, layout: Layout) -> None:

@@ -1,4 +1,4 @@
-"""How a grid is cut to what memory holds (the paper's section 3.2).
+"""Grids cut to the memory that there is (the paper's section 3.2).
 
 ::
 
@@ -36,7 +36,7 @@ class Limits(NamedTuple):
     Attributes
     ----------
     voxels : int
-        Of the grid, at the most.
+        The most voxels of the grid.
     slab : int
         Voxels of a slab: a layer of bricks at least.
     single : int

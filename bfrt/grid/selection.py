@@ -55,7 +55,7 @@ class Selection:
         return ChosenObjects(self._scans, stream, walk, self._batches)
 
     def count(self, phase: Phase) -> int:
-        """Take over what walks have read; return the boxes."""
+        """Add the bytes and seeks of walks to a phase; return the boxes read."""
         counts = [walk.counts_read() for walk in self._walks.values()]
         phase.bytes_read += sum(c[1] for c in counts)
         phase.seeks += sum(c[2] for c in counts)

@@ -1,4 +1,4 @@
-"""The slab that is in memory, and where the bricks of all are, as walks look them up."""
+"""The slab in memory and the table of all bricks, as walks look them up."""
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 

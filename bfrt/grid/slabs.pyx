@@ -67,7 +67,7 @@ cdef class Slabs:
     Attributes
     ----------
     count : int
-        How many slabs there are.
+        Number of slabs.
     table : ndarray of int32, shape (layers, rows, bricks of a row)
         Where each brick is.
     slab_of : ndarray of int32, shape (layers,)
@@ -101,13 +101,12 @@ cdef class Slabs:
 
     @staticmethod
     def bytes(bricks, room):
-        """Return the bytes of a slab of a grid of so many bricks, and of the table that tells where
-        they are.
+        """Return the bytes of a slab and of the table of bricks, for a grid of `bricks` bricks.
 
         Parameters
         ----------
         room : int
-            Bytes of a slab at the most.
+            The most bytes of a slab.
         """
         return int(min(bricks * BRICK_BYTES, room) + bricks * TABLED_BYTES)
 

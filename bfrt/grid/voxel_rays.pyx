@@ -262,8 +262,9 @@ cdef class VoxelRays:
             self.visit(NULL, least, left)
 
     cdef void visit(self, int64_t* histogram, int64_t least, int64_t left) noexcept nogil:
-        """Go over the upper voxels that hold rays: count those of each number of rays, or give
-        blocks to those with more rays than `least`, and to the first `left` that have as many."""
+        """Visit the upper voxels that hold rays: count how many have each number of rays, or give
+        blocks to all with more rays than `least`, and to the first `left` with exactly as many.
+        """
         cdef int x, y, z, bit
         cdef int64_t upper, rays, at = 0
         cdef uint64_t word

@@ -25,7 +25,7 @@ cdef class Film:
     Parameters
     ----------
     width, height : int
-        Of the image, pixels.
+        The size of the image, pixels.
     samples : int
         A pixel; 0 means SPD's procedure: one at each corner.
     held : int, optional

@@ -1,4 +1,4 @@
-"""How a frame is held: the film and the finished image in memory, or bands of rows of it."""
+"""The memory of a frame: film and finished image whole, or one band of rows after another."""
 
 from __future__ import annotations
 

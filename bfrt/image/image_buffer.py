@@ -73,7 +73,7 @@ class Canvas:
 
 
 def forget(pixels: npt.NDArray[Any]) -> None:
-    """Give back the memory of what has been read of an array on disk."""
+    """Release the memory of the parts read of an array on disk."""
     base: Any = pixels
     while base is not None and not isinstance(base, mmap.mmap):
         base = getattr(base, "base", None)

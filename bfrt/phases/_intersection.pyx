@@ -138,7 +138,7 @@ cdef int load(Search* s, GeometryCursor g, Delays d, const Delayed* waits,
 
 
 cdef inline void meet_own_box(Search* s, Delays d, uint32_t ray) noexcept nogil:
-    """Have a delayed ray wait for the others of its object, if it meets that one's own box."""
+    """Make a delayed ray pending if it meets its object's own box, not only the quantised."""
     cdef const Ray* r = &s.rays[ray]
     cdef Meeting* m = &s.meetings[s.pending]
     m.line = ray_line(r)
@@ -199,7 +199,7 @@ cdef inline int wait_for(Search* s, StreamScan w, uint32_t ray, Vec inv, double 
 
 
 cdef int meet_box(Search* s, StreamScan w) except -1 nogil:
-    """Test the gathered rays against the box; those that meet it are pending."""
+    """Test the gathered rays against the box; rays that meet it become pending."""
     cdef Lanes* l = &s.lanes
     cdef const Ray* r
     cdef Vec inv
@@ -433,7 +433,7 @@ cdef class Intersector:
                     meet_block(s, scan, self.voxel_rays, n)
 
     def finish(self, StreamScan scan):
-        """End a stream: test what still waits for geometry, and hand over what was found."""
+        """End a stream: test the rays that still wait for geometry, and hand over all hits."""
         cdef Search* s = &self.search
         cdef GeometryCursor g = scan.geometry
         with nogil:

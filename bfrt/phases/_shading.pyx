@@ -152,7 +152,7 @@ cdef class Shader:
     cdef int64_t shade_object(self, GeometryCursor g, const unsigned char* record, uint32_t count,
                               uint32_t material, const Hit* hits, int64_t n,
                               bint last) except -1 nogil:
-        """Shade the hits at the head of `hits`, all those of one object; how many."""
+        """Shade the first of `hits`, all hits of one object; return how many."""
         cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
         cdef Shape shape
         cdef Box box
@@ -208,7 +208,7 @@ cdef class Shader:
             self.go_on(h, &s, d, p, offset, m, outside)
 
     cdef void see(self, const Hit* h, Vec p, Vec n, const Material* m) noexcept nogil:
-        """Keep what sample 0 sees."""
+        """Store depth, normal, id and channels on request, if the hit is of sample 0."""
         cdef int64_t element = h.pixel - self.film.first
         cdef float* seen = &self.film.depth_normal[element, 0]
         if h.sample:

@@ -75,7 +75,7 @@ cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
 
 cdef inline void take_over(Ray* r, Path* p, const double* line,
                            const uint32_t* path) noexcept nogil:
-    """Copy a ray's line, and what it is for: the fields that all records of a ray have alike."""
+    """Copy a ray's line and purpose: the fields that all records of a ray have in common."""
     memcpy(&r.ox, line, 6 * sizeof(double))
     memcpy(p, path, sizeof(Path))
 
@@ -200,7 +200,7 @@ cdef class RayPool:
     capacity : int
         Rays at the most. All memory is taken here, and touched as rays come.
     candidates : int
-        Of all rays, when there are so many.
+        Candidates of all rays together, when there are `capacity` rays.
 
     Attributes
     ----------
@@ -250,7 +250,7 @@ cdef class RayPool:
         self.ordered = 0
 
     def come(self, int64_t n):
-        """Know that so many rays have been admitted behind the active ones."""
+        """Count `n` rays, admitted behind the active ones, as active."""
         self.active += n
 
     def admit(self, const Queued[::1] queued, int64_t first, int64_t last, Grid grid,
@@ -311,7 +311,7 @@ cdef class RayPool:
         return box_tests, object_tests, 0
 
     def begin_walk(self, int64_t base, uint32_t each):
-        """Begin to walk rays from `base` on, each to so many candidates."""
+        """Begin to walk rays from `base` on, to `each` candidates apiece."""
         self.slots = self.room
         self.left[base:self.active] = each
         self.used = 0
@@ -417,7 +417,7 @@ cdef class RayPool:
         Parameters
         ----------
         first, last : int
-            Of the rays: those that stay are at the part's front afterwards.
+            The part of the rays; those that stay are at its front afterwards.
         film : Film or None
             With one, rays that met nothing bring their light, or the background, to it.
         hits : (last - first or more,) records.HIT

@@ -40,7 +40,7 @@ def picked(
     -------
     source : PickedObjects
     starts : (objects + 1,) int64
-        Of each object's hits, and the end of the last.
+        Where each object's hits begin, and the end of the last.
     """
     own = index_of(ids).astype(np.int64)
     starts = np.flatnonzero(np.diff(own, prepend=-1))

@@ -51,7 +51,7 @@ class Shading:
     eye : (3,) float64
         Relative to the store's origin.
     hits : int
-        That are shaded at once, at the most.
+        The most hits that are shaded at once.
     workers : Workers
     """
 
@@ -84,7 +84,7 @@ class Shading:
 
     @staticmethod
     def bytes(store: Store, threads: int) -> int:
-        """Return the bytes of the palette, and of the rays that so many workers gather."""
+        """Return the bytes of the palette, and of the rays that all workers gather."""
         palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
         return palette + threads * emit_room(len(store.lights)) * QUEUED_BYTES
 

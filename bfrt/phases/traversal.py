@@ -111,11 +111,11 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
     Parameters
     ----------
     least : int
-        Twice those of the pass before, or `FIRST_QUOTA`.
+        Twice the candidates of the pass before, or `FIRST_QUOTA`.
     read : int
         Bytes that a pass reads.
     rays : int
-        That share the room.
+        Number of rays that share the room.
     room : int
         For all candidates, as many as there are rays or more.
     selective : bool
@@ -135,7 +135,7 @@ class Flight:
     capacity : int
         Rays at the most. All memory is taken here.
     candidates : int
-        Of all rays, when there are so many.
+        Candidates of all rays together, when there are `capacity` rays.
     workers : Workers
 
     Attributes
@@ -145,7 +145,7 @@ class Flight:
     bad : int
         Rays so far that were NaN, infinite or without direction.
     crossings : Crossings, optional
-        What takes all hits of each ray, where not only the nearest is wanted.
+        The receiver of all hits of each ray, if not only the nearest is wanted.
     """
 
     def __init__(self, capacity: int, candidates: int, workers: Workers) -> None:
@@ -237,7 +237,7 @@ class Flight:
         self.voxel_rays.sort(room, self.pool.stored, self._workers)
 
     def _walk(self, base: int, each: int, counters: Counters) -> None:
-        """Walk rays, from `base` on, to their sentinels, by way of so many candidates each."""
+        """Walk rays, from `base` on, to their sentinels, past `each` candidates apiece."""
         pool, slabs, starts = self.pool, self._slabs, self._starts
         if slabs.count == 1:
             pool.keep_order()
@@ -255,8 +255,15 @@ class Flight:
         counters.phases.traversal.bytes_read += slabs.counts()
 
     def _walk_slab(self, slab: int, begin: int, end: int, counters: Counters) -> tuple[int, int]:
-        """Walk the rays of a slab; those that go on are brought to the end of its part of the
-        order. Return how many they are, and how many slabs on the nearest of those is."""
+        """Walk the rays of a slab, and bring rays that go on to the end of its part of the order.
+
+        Returns
+        -------
+        int
+            Number of rays that go on.
+        int
+            Distance, in slabs, to the nearest slab that they go on to.
+        """
         pool, slabs = self.pool, self._slabs
         slabs.load(slab)
         parts: list[tuple[int, int]] = []

@@ -1,4 +1,4 @@
-"""Rays as somebody gives them, and the surfaces that they hit."""
+"""The loops of queries: rays as a caller gives them, and the surfaces that they hit."""
 
 from libc.math cimport INFINITY, isfinite, isnan, ldexp, nextafter
 from libc.stdint cimport int64_t, uint64_t
@@ -48,7 +48,7 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     t_min, t_max : (n,) float64
         IN. Hits count in (t_min, t_max): a ray begins at its t_min.
     origin : sequence of 3 float
-        The store's.
+        The store's origin.
     bounds : (2, 3) float64
         IN. The scene's, relative to the store's origin.
     first : int

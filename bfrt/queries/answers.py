@@ -1,4 +1,4 @@
-"""Answers in the order of their rays, which come in any: sorted by parts where memory ends."""
+"""Answers in the order of their rays: sorted, by parts if memory does not hold all."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Columns:
     Parameters
     ----------
     fields : mapping
-        Of each key its dtype and the shape of a row.
+        The dtype and the shape of a row, for each key.
     out : mapping or path-like, optional
         Arrays to fill, some of the keys or all; or a folder, which gets a file ``KEY.npy`` each,
         that is whole or not there.

@@ -128,7 +128,7 @@ class Asking:
     blocks : iterator of Block
         The rays.
     known : int, optional
-        How many they are.
+        Number of rays, if known.
     kind : RayKind
         EYE for nearest hits, SHADOW for any.
     report : Report
@@ -165,7 +165,7 @@ class Asking:
         tell(self._report, Progress(1, done, total))
 
     def spool(self, dtype: np.dtype[Any], room: int) -> Spool:
-        """Return a spool of so many records in memory."""
+        """Return a spool that holds a number of records in memory."""
         return Spool(dtype, room, self.tracer.scratch)
 
     def answer(self, arrays: dict[str, NDArray[Any]]) -> Answer:
@@ -269,7 +269,7 @@ def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, NDArra
 
 
 def fitting(plan: Capacities, rays: int | None) -> Capacities:
-    """Return what a budget holds, less what so few rays, with a hit each, cannot fill."""
+    """Return the capacities without memory that `rays` rays, with a hit each, cannot fill."""
     return plan if rays is None else plan.for_hits(rays)
 
 
@@ -297,7 +297,7 @@ class Answers:
     ----------
     asking : Asking
     dtype : numpy.dtype
-        Of an answer.
+        The type of an answer's record.
     queue : int
         Rays whose memory they may take.
     """
@@ -342,7 +342,7 @@ class Surfaces:
         self._workers = workers
 
     def find(self, scans: GroupScans) -> None:
-        """Find those of the hits on a group's objects."""
+        """Find normals and uv of the hits on a group's objects."""
         for stream in scans.streams:
             part = hits_of(self._ids, stream)
             if part.start < part.stop:

@@ -23,7 +23,7 @@ cdef struct Nearest:
 
 
 cdef inline void settle(const Meeting* met, int n, uint64_t id, Nearest* nearest) noexcept nogil:
-    """Take each hit that is less, as (t, id), than what its ray has."""
+    """Take each hit whose (t, id) is less than its ray's."""
     cdef int i
     cdef uint32_t ray
     cdef double t

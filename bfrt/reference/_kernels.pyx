@@ -52,7 +52,7 @@ def spans(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
     ----------
     boxes : (n, 6) float32
     grow : float
-        What the boxes grow by.
+        The length by which boxes grow.
     origins, directions : (n, 3) float64
 
     Returns
@@ -186,7 +186,7 @@ def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
     Parameters
     ----------
     records : (n, 16 or 32) uint8
-        Of four float32 each, or of four float64.
+        Records of four float32 each, or of four float64.
     origin : sequence of 3 float
         Taken off the positions of wide records.
 
@@ -220,7 +220,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     origin : sequence of 3 float
         Taken off positions.
     grow : float
-        What the object's box grows by.
+        The length by which the object's box grows.
     origins, directions : (n, 3) float64
         Relative to the origin.
 
@@ -232,7 +232,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     surface : (n, 11) float64
         Geometric normal, shading normal, u, v, place at each hit.
     crossings : (n,) int64
-        How many the object owns.
+        Number of crossings that the object owns.
     """
     cdef Frame frame
     cdef Shape shape

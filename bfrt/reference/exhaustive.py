@@ -172,7 +172,7 @@ def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[A
     Returns
     -------
     origins : (n, 3)
-        Those that were near enough are as they were. NaN for a ray that is none.
+        Origins that are near enough stay as they are. NaN for a ray that is none.
     moved : (n,)
         The t that belongs to each origin; to be added to that of a hit.
     """

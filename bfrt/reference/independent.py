@@ -93,7 +93,7 @@ class Objects:
     vertices : (m, 3)
         The vertices of all polygons, one polygon after another.
     counts : (n,)
-        How many of them each polygon has, at least three.
+        Number of vertices of each polygon, at least three.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def nearest(
     t_max : float or (n,)
         Hits are nearer than this.
     block : int
-        How many pairs of ray and object are in memory at once. It changes no bit of the answer.
+        Pairs of ray and object in memory at once. It changes no bit of the answer.
 
     Returns
     -------

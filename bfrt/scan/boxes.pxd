@@ -48,11 +48,10 @@ cdef class BoxCursor:
 
 cdef inline int go_to(BoxCursor b, const int64_t[:, ::1] ranges, int64_t k,
                       const Box* parent) except -1 nogil:
-    """Go forward to the first object of range k, of those in the window; what lies between is
-    skipped.
+    """Go forward to the first object of range k of the window, and skip the objects between.
 
-    Where boxes are quantised, they are so in the parent's. They are read as far as each range lies
-    near the next, at once and no further.
+    Quantised boxes are decoded inside the parent's box. Boxes are read at once as far as each range
+    lies near the next one, and no further.
     """
     cdef int64_t n = max(<int64_t>0, ranges[k, 0] - b.index)
     cdef bint far = ranges[k, 0] >= b.wanted

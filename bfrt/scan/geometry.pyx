@@ -21,9 +21,9 @@ cdef class GeometryCursor:
     Parameters
     ----------
     stream : bfrt.store.store.Stream
-        What to read.
+        The stream to read.
     origin : sequence of 3 float
-        The store's.
+        The store's origin.
     files : bfrt.scan.files.StreamFiles
         The open files.
     capacity : int

@@ -1,4 +1,4 @@
-"""What one worker reads of one stream: the cursors over its boxes, geometry and materials."""
+"""One worker's cursors over one stream: over its boxes, geometry and materials."""
 
 from libc.stdint cimport int64_t
 

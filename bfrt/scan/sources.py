@@ -1,4 +1,4 @@
-"""Where workers get the objects that they look at next.
+"""Sources of objects, from which workers get the next ones to look at.
 
 A source belongs to one stream and one sweep. ``next(worker)`` sets the worker's scan to a chunk of
 objects, behind those that it had, and returns the chunk, or None when there are no more. Chunks are
@@ -68,8 +68,13 @@ class Chooser(Protocol):
     """Finds ranges of a stream's objects, in order."""
 
     def choose(self, ranges: Ranges, objects: int, parents: Parents | None) -> int:
-        """Fill in the next ranges, of about so many objects, and the boxes around them; return how
-        many ranges, 0 at the end."""
+        """Fill in the next ranges, of about `objects` objects, and the boxes around each.
+
+        Returns
+        -------
+        int
+            Number of ranges; 0 at the end.
+        """
         ...
 
 
@@ -182,7 +187,7 @@ class Batch:
         return self._taken < len(self._ends) - 1
 
     def fill(self, chooser: Chooser, objects: int, coded: bool) -> Ranges:
-        """Choose the next ranges, of about so many objects; return them."""
+        """Choose the next ranges, of about `objects` objects, and return them."""
         self.clear()
         n = chooser.choose(self._ranges, objects, self._parents if coded else None)
         ranges: Ranges = self._ranges[:n]
@@ -191,8 +196,13 @@ class Batch:
         return ranges
 
     def take(self, objects: int, ranges: Ranges, parents: Parents) -> int:
-        """Copy the next ranges, of so many objects or a few more, with their parents; return how
-        many ranges."""
+        """Copy the next ranges, of `objects` objects or a few more, with the boxes around each.
+
+        Returns
+        -------
+        int
+            Number of ranges.
+        """
         first = self._taken
         wanted = self._ends[first] + objects
         self._taken = min(len(self._ends) - 1, int(np.searchsorted(self._ends, wanted)))
@@ -212,7 +222,7 @@ class Batches:
 
     @staticmethod
     def bytes(threads: int) -> int:
-        """Return the bytes of it."""
+        """Return the bytes of the memory for a number of threads."""
         return (2 + threads) * AHEAD * CHOSEN_BYTES
 
 

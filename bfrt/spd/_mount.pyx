@@ -66,7 +66,7 @@ def halve(const double[:, ::1] z, int64_t x, int64_t y, int64_t side, double ris
     x, y, side : int
         The first corner, and the side of a square, in cells.
     rise : float
-        What noise is multiplied by.
+        The factor of the noise.
     size, jenkins, deviates
         Of the mountain; which hash it has; the noise of each value, (65536,) float64.
     finer : (2m + 1, 2m + 1) float64

@@ -81,7 +81,7 @@ def lines(kinds, columns, starts, const int64_t[::1] owner, const int64_t[::1] i
     Parameters
     ----------
     kinds : sequence of int
-        Of each column.
+        The kind of each column.
     columns : sequence of (m,) float64
         The numbers of their objects.
     starts : sequence of (n + 1,) int64

@@ -1,4 +1,4 @@
-"""What the scenes of the Standard Procedural Databases have in common.
+"""The common part of the scenes of the Standard Procedural Databases.
 
 A scene is a recipe: it knows its size and its counts at once, and makes its objects block by
 block, in the order in which the package (E. Haines, SPD 3) writes them. Positions are float64, as
@@ -357,7 +357,7 @@ def polygon(corners: list[Vector], dtype: Scalar) -> Block:
 
 
 def check_room(path: str | os.PathLike[str], needed: int) -> None:
-    """Refuse what the disk has no room for, before it is begun."""
+    """Refuse a store that the disk has no room for, before it is begun."""
     folder = Path(os.path.realpath(path)).parent
     try:
         free = shutil.disk_usage(folder).free

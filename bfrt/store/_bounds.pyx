@@ -109,7 +109,7 @@ def gather(const float[:, ::1] boxes, uint64_t first, double[::1] rest, double[:
     sizes, largest, largest_ids : (room,) float64, (room, 6) float32, (room,) uint64
         IN, OUT. The boxes that are kept, the largest first.
     count : int
-        How many are kept so far.
+        Number of boxes kept so far.
 
     Returns
     -------

@@ -57,7 +57,7 @@ cdef class Merger:
         Returns
         -------
         int
-            How many are complete.
+            Number of complete boxes.
         """
         cdef int64_t i, begin = self.begin, end = self.end, made = 0
         cdef Box box = self.box, both

@@ -39,11 +39,11 @@ class Prepared(NamedTuple):
     materials : (n,) uint32
     boxes : (n, 6) float32
     degenerate : int
-        How many nothing can hit.
+        Number of objects that nothing can hit.
     bad : int
         The first that is not finite, or -1.
     group : int
-        That they belong to.
+        Number of the group that they belong to.
     """
 
     kind: Kind
@@ -99,7 +99,7 @@ class MaterialColumn:
         self._count += len(materials)
 
     def _widen(self, width: int) -> None:
-        """Write what there is again, in wider integers."""
+        """Write the indices so far again, in wider integers."""
         old, old_bytes = self._file, self.bytes
         wider = FileWriter(self._path.with_suffix(f".{width}"), self._durable)
         self._file, self.bytes = wider, width
@@ -205,7 +205,7 @@ class StreamWriter:
         self._expected = count
 
     def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
-        """Make the hierarchy, or what is missing, from the files when they are complete."""
+        """Make the levels of the hierarchy that are missing, from the complete files."""
         if self.first_level is not None and self.count != self._expected:
             raise SceneError(
                 f"{self.label}: found {self.count} objects, expected {self._expected} as announced"

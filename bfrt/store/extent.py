@@ -81,7 +81,7 @@ def check_extent(bounds: Bounds, origin: Vector) -> None:
     bounds : Bounds
         All objects', relative to `origin`.
     origin : tuple of 3 float
-        The store's.
+        The store's origin.
 
     Raises
     ------

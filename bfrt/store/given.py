@@ -1,4 +1,4 @@
-"""What a caller gives to be written, as arrays of numbers; anything else raises `SceneError`."""
+"""A caller's numbers as arrays of known shape; anything else raises `SceneError`."""
 
 from __future__ import annotations
 

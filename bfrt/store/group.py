@@ -22,9 +22,9 @@ class GroupWriter:
     Parameters
     ----------
     folder : Path
-        The group's.
+        The group's folder.
     number : int
-        The group's.
+        The group's number.
     """
 
     def __init__(self, folder: Path, number: int, hierarchy: Hierarchy, durable: bool) -> None:
@@ -44,7 +44,7 @@ class GroupWriter:
         return self._extent.bounds
 
     def expect(self, counts: Mapping[Kind, int], surface: float) -> None:
-        """Make first levels as the objects come, of which there will be so many."""
+        """Announce objects, so that first levels are made as they come."""
         if self.streams:
             raise SettingError("expect: found objects already, expected a call before the first")
         self._expected, self._surface = dict(counts), float(surface)

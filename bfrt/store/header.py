@@ -1,4 +1,4 @@
-"""What the fields of a store's header may be; nothing else is believed, whatever its checksum.
+"""Checks of all fields of a store's header, which no checksum replaces.
 
 A check takes a value as JSON has it, and gives it back as the store uses it, or raises ValueError
 with where it is, what was found and what was expected.

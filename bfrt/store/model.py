@@ -1,4 +1,4 @@
-"""What a scene has beside its objects: camera, lights, materials, background."""
+"""The parts of a scene beside its objects: camera, lights and materials."""
 
 from __future__ import annotations
 

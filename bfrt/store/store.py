@@ -143,7 +143,7 @@ class Store:
     path : Path
         Where it is.
     origin : tuple of 3 float
-        What boxes and float32 coordinates are relative to, in world coordinates.
+        The point that boxes and float32 coordinates are relative to, world coordinates.
     bounds : Bounds
         The box around all objects, ``lo`` and ``hi`` (3,) float64, relative to the origin;
         ``empty`` where there are none.

@@ -82,7 +82,7 @@ def nameless(folder: Path, path: Path) -> io.FileIO:
 
 
 def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str]) -> None:
-    """Write all of `data` to the unbuffered `file`, or raise what `refused` makes of the error."""
+    """Write all of `data` to the unbuffered `file`; raise `StreamError` if the system refuses."""
     left = memoryview(data).cast("B")
     try:
         while left:

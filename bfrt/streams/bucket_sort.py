@@ -1,4 +1,4 @@
-"""Records of a spool parted by a number of theirs: a sort of more than memory holds."""
+"""Records of a spool, parted by a number in each: a sort of more than memory holds."""
 
 from __future__ import annotations
 

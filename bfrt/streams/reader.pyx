@@ -137,12 +137,12 @@ cdef class Reader:
         self.expect(asked)
 
     cpdef int expect(self, bint asked) except -1:
-        """Go on to what is asked for before it is read, or to what the system should read ahead.
+        """Choose how the file is read from here: by requests ahead, or in order by read-ahead.
 
         Raises
         ------
         ValueError
-            If the tape is none to be asked.
+            If the tape was not opened for requests.
         """
         if asked and self.tape.asked_fd < 0:
             raise ValueError(f"{self.tape.path}: found a tape that is only read in order")
@@ -202,7 +202,7 @@ cdef class Reader:
         return 0
 
     cdef void ask(self, int64_t begin, int64_t end) noexcept nogil:
-        """Have the system begin to read what will be wanted."""
+        """Have the system begin to read the bytes [begin, end)."""
         prefetch(self.fd, begin, end - begin)
 
     cdef const unsigned char* refill(self, size_t n) except NULL nogil:

@@ -83,7 +83,7 @@ class FileWriter:
             raise refused(path, 0, error, "creating") from error
 
     def write(self, data: Data, *, kept: bool = False) -> None:
-        """Append `data` (C-contiguous); of what is `kept` as it is no copy is made."""
+        """Append `data` (C-contiguous); without a copy if the caller has `kept` it unchanged."""
         if self._fd < 0:
             raise refused(self.path, self.bytes, OSError(errno.EBADF, ""), "writing")
         view = view_of(data)
@@ -143,7 +143,7 @@ class FileWriter:
             self.abandon()
 
     def abandon(self) -> None:
-        """Close without a promise, when nobody writes any more."""
+        """Close an unfinished file, once no thread writes to it."""
         for busy in (self._pending, self._syncing):
             if busy is not None:
                 busy.exception()
