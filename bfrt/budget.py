@@ -3,7 +3,7 @@
 A budget is a promise about the whole process. What is needed whatever happens (`BASELINE`, the
 film, read buffers, materials) is taken off it, the grid gets its part of the rest, and rays,
 candidates, hits and queues share what is left. Nothing grows after that; what does not fit waits
-in spools. How many bytes a thing takes is said by whoever owns it.
+in spools. The module that owns a thing tells its bytes.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
+    """Run the command; return its exit status."""
     given = sys.argv[1:] if arguments is None else arguments
     options = parser().parse_args(resolutions_apart(given))
     logging.basicConfig(

@@ -1,7 +1,6 @@
-"""What a caller may set, checked once, where it comes in.
+"""The settings that renders and ray queries share, checked once, where they come in.
 
-`Settings` are those that renders and ray queries share. None of them changes an answer or a
-picture.
+None of them changes an answer or a picture.
 """
 
 from __future__ import annotations

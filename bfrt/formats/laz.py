@@ -84,7 +84,7 @@ class LasSource(Source):
             raise
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill a buffer as far as the file goes; returns the bytes."""
+        """Fill a buffer as far as the file goes; return the bytes."""
         start = self.at
         done = super().read_into(buffer)
         if start < self._points:

@@ -198,7 +198,7 @@ class Outlet:
         numbers: NDArray[Any],
         counts: NDArray[Any] | None = None,
     ) -> NDArray[np.bool_]:
-        """Count the objects that are not good, if they may be dropped; returns which are.
+        """Count the objects that are not good, if they may be dropped; return which are.
 
         Raises
         ------

@@ -20,7 +20,7 @@ PAINTED = ("color_by", "colormap", "color_range", "skip_invalid")
 POINTS = ("radius", *PAINTED)
 
 
-#: Settings that every file has use for.
+#: Settings that every file uses.
 ALWAYS = ("room", "scratch", "uses")
 
 #: Files of a call that an error names.
@@ -42,7 +42,7 @@ class Uses:
     known: set[str] = field(default_factory=set)
 
     def add(self, name: str, known: tuple[str, ...]) -> bool:
-        """Add a file and the settings it has use for; returns whether it was the last."""
+        """Add a file and the settings that it uses; return whether it was the last."""
         self.names.append(name)
         self.known.update(known)
         return len(self.names) >= self.files

@@ -78,7 +78,7 @@ class Source:
         return True
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill a buffer as far as the file goes; returns the bytes."""
+        """Fill a buffer as far as the file goes; return the bytes."""
         done = 0
         try:
             while done < len(buffer) and (got := self._file.readinto(buffer[done:])):
@@ -92,7 +92,7 @@ class Source:
         return done
 
     def readinto(self, buffer: Any, /) -> int:
-        """Fill a buffer of any type as far as the file goes; returns the bytes."""
+        """Fill a buffer of any type as far as the file goes; return the bytes."""
         return self.read_into(memoryview(buffer).cast("B"))
 
     def read(self, most: int = -1, /) -> bytes:
@@ -259,7 +259,7 @@ class _Transcoded:
             at -= passed
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill a buffer as far as the text goes; returns the bytes."""
+        """Fill a buffer as far as the text goes; return the bytes."""
         while len(self._ahead) < len(buffer):
             piece = self._source.read(CHUNK_BYTES)
             self._ahead += self._decoder.decode(piece, final=not piece)

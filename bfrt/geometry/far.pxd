@@ -31,7 +31,7 @@ cdef inline Bounds bounds_of(const double[:, ::1] corners) noexcept nogil:
 
 
 cdef inline int scale_extreme(Vec* d) noexcept nogil:
-    """Divide an extreme direction by a power of two; returns the power, 0 for none.
+    """Divide an extreme direction by a power of two; return the power, 0 for none.
 
     t counts in lengths of the direction: it is multiplied by what this has been divided by.
     """
@@ -77,7 +77,7 @@ cdef inline double until_beside(const Line* l, const Bounds* b) noexcept nogil:
 
 
 cdef inline double advance_far(Line* l, const Bounds* b) noexcept nogil:
-    """Move a far origin along its ray to two diagonals before the bounds; returns the t of that.
+    """Move a far origin along its ray to two diagonals before the bounds; return the t of that.
 
     A t has 53 binary digits, so that of a long move the last is a long way. The move is made as t
     says, rounded once, and what is left is moved again. Then the origin goes back, for it is beside

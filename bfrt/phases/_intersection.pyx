@@ -270,7 +270,7 @@ cdef int meet_many(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
 
 
 cdef int choose(Near* near, const Voxels* voxels, uint8_t* which) noexcept nogil:
-    """Keep the rays that enter any of the regions, and which; returns how many."""
+    """Keep the rays that enter any of the regions, and which; return how many."""
     cdef int j, n = 0
     entered(voxels, near.n, near.at, &near.face[0], which)
     for j in range(near.n):

@@ -120,7 +120,7 @@ cdef inline int part_of(const Slab* s, const Ray* r, int slabs) noexcept nogil:
 
 cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* left, VoxelRays v,
                       Outgoing* out) noexcept nogil:
-    """Walk through the slab, until the sentinel is found; returns the voxels stepped to.
+    """Walk through the slab, until the sentinel is found; return the voxels stepped to.
 
     A ray that comes into a brick of another slab has that voxel as its state, unseen. Bricks that
     are not there have no slab.

@@ -86,7 +86,7 @@ def by_object(
 
 
 def _sort(hits: NDArray[Any], load: NDArray[Any]) -> int:
-    """Put hits into `load` by object; returns how many."""
+    """Put hits into `load` by object; return how many."""
     n = len(hits)
     # Without the mode NumPy makes one more copy.
     plain(hits).take(np.argsort(hits["id"]), out=plain(load[:n]), mode="clip")

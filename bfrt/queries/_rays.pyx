@@ -54,10 +54,10 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     first : int
         The first ray's number; the others' follow.
     kind : int
-        What rays of theirs are.
+        The kind of the rays, a `bfrt.records.RayKind`.
     out : (n,) records.ASKED
         OUT. Far origins are brought nearer (exactness rule 6); `moved` is the t of that. Extreme
-        directions are divided by two to the `power`, by which each t of theirs is multiplied.
+        directions are divided by two to the `power`, by which their t are multiplied later.
 
     Returns
     -------

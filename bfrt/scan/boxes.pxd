@@ -80,7 +80,7 @@ cdef inline void want_boxes(BoxCursor b, int64_t end) noexcept nogil:
 
 
 cdef inline int next_boxes(BoxCursor b, int64_t most) except -1 nogil:
-    """Come to the next objects, up to `most` and BOXES; returns how many, n >= 1.
+    """Come to the next objects, up to `most` and BOXES; return how many, n >= 1.
 
     Boxes are known once `decode` is called: until then they are as they are on disk.
     """

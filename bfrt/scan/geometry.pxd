@@ -63,7 +63,7 @@ cdef inline const unsigned char* records_of(GeometryCursor g, int64_t at,
 
 
 cdef inline int next_records(GeometryCursor g, int64_t most) except -1 nogil:
-    """Come to the next objects of the window, up to `most` and BOXES; returns how many, n >= 1.
+    """Come to the next objects of the window, up to `most` and BOXES; return how many, n >= 1.
 
     Polygons come one at a time, for their records are not of one size.
     """

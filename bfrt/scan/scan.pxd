@@ -20,7 +20,7 @@ cdef class StreamScan:
 
 
 cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
-    """Come to the next objects: boxes, and records where these are read in step; returns n >= 1."""
+    """Come to the next objects: boxes, and records where these are read in step; return n >= 1."""
     if s.in_step:
         most = next_records(s.geometry, most)
     elif not s.lazy:

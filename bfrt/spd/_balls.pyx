@@ -49,7 +49,7 @@ cdef inline Vec turned(const double* v, const Turn* t) noexcept nogil:
 
 cdef scalar* grow_on(scalar* out, Vec center, Vec direction, double radius, int depth,
                      const double* offsets) noexcept nogil:
-    """Write a ball and `depth` generations on it; returns where the next one goes."""
+    """Write a ball and `depth` generations on it; return where the next one goes."""
     cdef Turn turn
     cdef Vec way
     cdef int child

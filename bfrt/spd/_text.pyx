@@ -85,7 +85,7 @@ def lines(kinds, columns, starts, const int64_t[::1] owner, const int64_t[::1] i
     columns : sequence of (m,) float64
         The numbers of their objects.
     starts : sequence of (n + 1,) int64
-        Where each polygon begins, in vertices; of no use for other kinds.
+        Where each polygon begins, in vertices; not used for other kinds.
     owner, index : (objects,) int64
         Which column each object is in, and where.
     materials : (objects,) uint32

@@ -30,7 +30,7 @@ def bound(int kind, const unsigned char[::1] geometry, const uint32_t[::1] count
     geometry : (bytes,) uint8
         IN. The records, float64 if `wide`, else float32.
     counts : (n,) uint32
-        IN. Vertices of each polygon; of no use for other kinds, which have (n,) of anything.
+        IN. Number of vertices of each polygon; for other kinds (n,) of anything, not used.
     origin : sequence of 3 float
         Taken off wide coordinates.
     scalars : int

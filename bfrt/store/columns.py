@@ -35,7 +35,7 @@ class Prepared(NamedTuple):
     geometry : ndarray of uint8
         Their records.
     counts : (n,) uint32
-        Vertices of each polygon; of no use for other kinds.
+        Number of vertices of each polygon; not used for other kinds.
     materials : (n,) uint32
     boxes : (n, 6) float32
     degenerate : int
@@ -227,7 +227,7 @@ class StreamWriter:
         return settings.bits > 0 and self.kind != Kind.SPHERE
 
     def close(self) -> dict[str, Any]:
-        """Make the files durable; returns the stream's part of the header, without levels."""
+        """Make the files durable; return the stream's part of the header, without levels."""
         files = {}
         for name, file in self.files.items():
             file.close()

@@ -61,7 +61,7 @@ class GroupWriter:
         self.streams[block.kind].append(block, self._extent)
 
     def close(self, origin: Vector) -> dict[str, Any]:
-        """Complete all files; returns the group's part of the header."""
+        """Complete all files; return the group's part of the header."""
         headers = [self.streams[kind].close() for kind in sorted(self.streams)]
         outliers, grid_bounds = self._extent.outliers()
         surface = self._surface if self._expected else grid_bounds.surface

@@ -216,7 +216,8 @@ class Store:
         Raises
         ------
         StoreError
-            For the first file that differs from what was written. Of marks bfrt.grid.marks knows.
+            If a file differs from what was written; it names the first. `Scene.verify` reads the
+            marks too.
         """
         open_store(self.path)
         for path, facts in self.files():

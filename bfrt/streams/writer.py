@@ -43,7 +43,7 @@ def view_of(data: Data) -> memoryview:
 
 
 def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) -> int:
-    """Write all of `data` to `fd`, however many calls it takes; returns the bytes.
+    """Write all of `data` to `fd`, however many calls it takes; return the bytes.
 
     Raises
     ------
