@@ -3,7 +3,7 @@
 A budget is a promise about the whole process. What is needed whatever happens (`BASELINE`, the
 film, read buffers, materials) is taken off it, the grid gets its part of the rest, and rays,
 candidates, hits and queues share what is left. Nothing grows after that; what does not fit waits
-in spools. How many bytes a thing takes is said by whoever owns it.
+in spools. The module that owns a thing tells its bytes.
 """
 
 from __future__ import annotations
@@ -45,24 +45,24 @@ NO_FRAME = FrameSize()
 
 @dataclass(frozen=True)
 class Capacities:
-    """What a budget holds.
+    """Holds what a memory budget has room for.
 
     Attributes
     ----------
     memory : int
-        The budget, bytes.
+        Bytes of the budget.
     rows : int
         Rows of the frame that are in memory at a time.
     frame_on_disk : bool
-        Whether the finished image is.
+        Whether the finished image is on disk.
     limits : Limits
-        Of a grid.
+        The limits of a grid.
     blocks : int
-        Lower-level blocks.
+        Lower-level blocks of the rays' store.
     subspace : int
         Voxels that are marked at a time.
     rays, candidates : int
-        In flight.
+        Rays in flight, and their candidates.
     hits, queue : int
         Hits, and rays of a depth, that wait in memory.
     read_buffer : int
@@ -84,16 +84,16 @@ class Capacities:
     threads: int
 
     def bands(self, height: int) -> int:
-        """Return the bands of rows in which an image so high is rendered."""
+        """Return the number of bands of rows that an image of `height` rows is rendered in."""
         return -(-height // self.rows)
 
     def for_hits(self, count: int) -> Capacities:
-        """Take no memory that so few hits cannot fill, twice over, for half of it sorts them."""
+        """Return these capacities for `count` hits at most: twice as many fit, to sort them."""
         return replace(self, hits=min(self.hits, 2 * count), queue=min(self.queue, count))
 
 
 def fixed_bytes(store: Store, threads: int) -> int:
-    """Return what a render takes whatever the budget is, without frame, rays and grid."""
+    """Return the bytes that a render takes under any budget, without frame, rays and grid."""
     return (
         BASELINE
         + GroupScans.bytes(store.streams, threads)
@@ -159,7 +159,7 @@ def capacities(store: Store, settings: Settings, frame: FrameSize = NO_FRAME) ->
 
 
 def limits_of(left: int, settings: Settings) -> Limits:
-    """Return what a grid may be, of so many bytes that are left."""
+    """Return the limits of a grid that has `left` bytes of memory."""
     uppers = int(min(left * UPPER_PART / UPPER_BYTES, MOST_UPPERS))
     return Limits(
         voxels=min(uppers << 3 * LOWER_BITS, 1 << VOXEL_BITS),

@@ -42,7 +42,7 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
+    """Run the command; return its exit status."""
     given = sys.argv[1:] if arguments is None else arguments
     options = parser().parse_args(resolutions_apart(given))
     logging.basicConfig(
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def resolutions_apart(arguments: Sequence[str]) -> list[str]:
-    """The arguments with a resolution that is one word, WxH, in two, as the parser has it."""
+    """Split a resolution given as one word, WxH, into the two arguments that the parser expects."""
     apart: list[str] = []
     for argument in arguments:
         option, _, value = argument.rpartition("=")
@@ -74,13 +74,13 @@ def resolutions_apart(arguments: Sequence[str]) -> list[str]:
 
 
 def fail(error: object, status: int) -> int:
-    """Say what went wrong, in one line."""
+    """Print an error in one line."""
     print(f"bfrt: {error}", file=sys.stderr)
     return status
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line."""
+    """Build the parser of the command line."""
     top = argparse.ArgumentParser(
         prog="bfrt",
         description="Ray trace scenes larger than memory, out of core, inside a memory budget.",
@@ -98,7 +98,7 @@ def parser() -> argparse.ArgumentParser:
 def command(
     commands: Any, name: str, run: Callable[[argparse.Namespace], None], about: str
 ) -> argparse.ArgumentParser:
-    """One command, with what all have."""
+    """Add a command with the options that all commands have."""
     made: argparse.ArgumentParser = commands.add_parser(name, help=about, description=about)
     made.add_argument("--quiet", action="store_true", help="no progress bar and no warnings")
     made.set_defaults(run=run)
@@ -178,7 +178,7 @@ def add_render(commands: Any) -> None:
 
 
 def add_reading(made: argparse.ArgumentParser) -> None:
-    """What files of points and meshes leave open."""
+    """Add the options that say how to read files of points and meshes."""
     group = made.add_argument_group("reading files of meshes and points")
     group.add_argument(
         "--dtype", choices=("float32", "float64"), help="of coordinates (default: the file's own)"
@@ -216,7 +216,7 @@ def add_reading(made: argparse.ArgumentParser) -> None:
 
 
 def number_or_name(text: str) -> float | str:
-    """A number where it is one."""
+    """Return a number where the text is one, else the text as a name."""
     try:
         return float(text)
     except ValueError:
@@ -231,7 +231,7 @@ READING = (
 
 
 def reading_of(options: argparse.Namespace) -> dict[str, Any]:
-    """What was asked of the reader."""
+    """Return the reader's settings that the command line gives, as keywords of `bfrt.convert`."""
     given = {name: getattr(options, name) for name in (*READING, "memory", "scratch")}
     return {name: value for name, value in given.items() if value is not None}
 
@@ -299,7 +299,7 @@ def run_render(options: argparse.Namespace) -> None:
 
 
 def plan_asked(options: argparse.Namespace) -> Plan:
-    """What the render would take; that of a store only, for to convert a file is work."""
+    """Return the plan of a render; refuse an input that is no store: converting one is work."""
     if not is_store(options.input):
         raise SettingError(
             f"{options.input}: found no scene store to plan for: expected one that bfrt convert "
@@ -310,7 +310,7 @@ def plan_asked(options: argparse.Namespace) -> Plan:
 
 
 def settings_of(options: argparse.Namespace, scene: Scene) -> dict[str, Any]:
-    """What a render and its plan are told."""
+    """Return the settings that a render and its plan have in common, as keywords."""
     return {
         "memory": options.memory,
         "threads": options.threads,
@@ -356,7 +356,7 @@ def run_spd(options: argparse.Namespace) -> None:
 
 
 def hierarchy_of(options: argparse.Namespace, default: Hierarchy | None = None) -> Hierarchy | None:
-    """The settings asked for, or None."""
+    """Return the hierarchy settings that the command line gives, or None."""
     return None if options.hierarchy is None else parse_hierarchy(options.hierarchy, default)
 
 
@@ -381,7 +381,7 @@ def run_verify(options: argparse.Namespace) -> None:
 
 
 def describe(store: Store) -> dict[str, Any]:
-    """What ``info`` shows."""
+    """Return what ``info`` shows of a store, ready for JSON."""
     camera = store.camera
     return {
         "store": str(store.path),
@@ -422,7 +422,7 @@ def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
 
 @contextmanager
 def opened(options: argparse.Namespace) -> Iterator[Scene]:
-    """The scene to render: as given, or converted in the scratch folder and removed after."""
+    """Yield the scene to render: the store given, or a file converted in the scratch folder."""
     if is_store(options.input):
         for name in READING:
             asked = getattr(options, name)
@@ -451,7 +451,9 @@ def opened(options: argparse.Namespace) -> Iterator[Scene]:
 
 
 def camera_of(options: argparse.Namespace, store: Store) -> Camera:
-    """The scene's camera, another's, or one that frames the scene, with what was asked for."""
+    """Return the camera to render with: the store's, a named view's, or one that frames the scene,
+    with the changes that the command line asks for.
+    """
     camera = store.camera if options.view is None else view_of(options.view)
     asked = {
         "eye": options.eye and tuple(options.eye),
@@ -465,12 +467,12 @@ def camera_of(options: argparse.Namespace, store: Store) -> Camera:
 
 
 def view_of(name: str) -> Camera:
-    """A view by its name, or that of an NFF file."""
+    """Return the camera of a view of `bfrt.spd.VIEWS`, or of an NFF file."""
     return bfrt.spd.VIEWS[name] if name in bfrt.spd.VIEWS else read_view(name)
 
 
 def wants_bar(quiet: bool) -> bool:
-    """A bar is shown on a terminal only, and where tqdm is there."""
+    """Tell whether to show a progress bar: on a terminal, where tqdm is installed."""
     if quiet or not sys.stderr.isatty():
         return False
     try:
@@ -482,7 +484,7 @@ def wants_bar(quiet: bool) -> bool:
 
 @contextmanager
 def reading_bar(*sources: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """A bar of the bytes of files that are read."""
+    """Yield a reporter of the bytes read from input files, shown as a bar."""
     total = sum(path.stat().st_size for path in map(Path, sources) if path.is_file())
     with bar(total, "B", "convert", quiet or not total) as progress:
         yield progress
@@ -490,14 +492,14 @@ def reading_bar(*sources: str, quiet: bool) -> Iterator[Callable[[int], None] | 
 
 @contextmanager
 def making_bar(scene: SpdScene, what: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """A bar of the objects of a scene that are made, and their rate."""
+    """Yield a reporter of the objects made of a scene, shown as a bar with their rate."""
     with bar(scene.objects, " objects", what, quiet) as progress:
         yield progress
 
 
 @contextmanager
 def bar(total: int, unit: str, what: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """A bar that is told how much is done, where one is wanted."""
+    """Yield a reporter that a bar shows, or None where no bar is wanted."""
     if not wants_bar(quiet):
         yield None
         return

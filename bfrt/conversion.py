@@ -1,4 +1,4 @@
-"""Scene files in, scene stores out: which reader reads what."""
+"""Conversion of scene files to scene stores: the reader of each format, and groups of files."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ Reader = Callable[[str, SceneSink, Reading, Report | None], None]
 def read_nff_as_is(
     path: str, sink: SceneSink, reading: Reading, report: Report | None = None
 ) -> None:
-    """Read NFF, which has its own colors and nothing that could be set."""
+    """Read NFF, which has colors of its own and no settings."""
     reading.refuse_all_but(path)
     read_nff(path, sink, progress=report)
 
@@ -73,7 +73,7 @@ PENDING = 4
 
 
 def is_store(source: str | os.PathLike[str]) -> bool:
-    """Whether a path is (or was meant to be) a scene store."""
+    """Tell whether a path is a scene store, or has the name of one."""
     path = Path(source)
     return (path / HEADER).exists() or path.suffix == ".bfrt" or path.is_dir()
 
@@ -103,48 +103,51 @@ def convert(
     ----------
     source : path-like, or sequence of path-like
         A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, "-" for NFF from
-        standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group,
-        with a grid of its own: one small dense thing in a large sparse one. The view, the lights
-        and the background are the first file's. A setting is for those files that have use for it.
+        standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group
+        with a grid of its own, which suits a small dense thing in a large sparse one. The view, the
+        lights and the background are the first file's. A setting applies to the files that use it.
     target : path-like
-        The store to make. One that is there is replaced when the new one is complete.
+        The store to make. An existing store is replaced when the new one is complete; anything
+        else is refused.
     dtype : {None, "float32", "float64"}
-        What geometry is stored as. None keeps numbers as the file has them: float32 or float64 by
-        its types, float64 where it is text without types (OBJ, text STL); of NFF and standard
-        scenes alone it is float32.
+        The type that geometry is stored as. None keeps the file's own: float32 or float64 by its
+        types, and float64 for text without types (OBJ, text STL). If all sources are NFF or
+        standard scenes, None is float32.
     hierarchy : Hierarchy, optional
-        Settings of the box hierarchy; by default the paper's, for a standard scene its own.
+        Settings of the box hierarchy. By default `Hierarchy`'s, and for a standard scene the
+        paper's settings for that scene.
     memory : str or int, optional
         The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
-        machine's memory, or of its cgroup's limit. The least follows the files: 53 MiB for small
-        ones. A mesh whose vertices take more is joined on disk, by passes that go forward.
+        machine's memory, or of its cgroup's limit. The least depends on the files: 53 MiB for small
+        ones. A mesh whose vertices take more is joined on disk, in forward passes.
     scratch : path-like, optional
-        Folder for such a join; by default the target's parent.
+        Folder for the temporary files of such a join. By default the target's parent.
     radius : float or str, optional
-        Of points, in the file's units, or the name of the column or array that has each one's.
+        The radius of points, in the file's units, or the name of the column or array with a radius
+        for each point.
     positions : str, optional
-        Name of the array or dataset that has the points' positions, or of the group with x, y, z.
+        Name of the array or dataset with the points' positions, or of the group with x, y and z.
     color_by : str, optional
-        Name of a column or array of numbers that a map makes colors of; "rgb" for a file's own
-        colors, which are rounded to 65,536. A face has the mean of its vertices.
+        Name of the column or array of numbers that a color map turns into colors; "rgb" for the
+        file's own colors, which are rounded to 65,536. A face has the mean of its vertices.
     colormap : str, optional
-        "cubehelix", the default, or "gray"; with matplotlib any of its maps.
+        The map: "cubehelix", the default, or "gray"; with matplotlib any of its maps.
     color_range : (float, float), optional
-        The numbers of the map's first and last color. By default the least and the greatest, which
-        costs a pass.
+        The numbers that get the map's first and last color. By default the least and the greatest
+        number, which costs a pass over the file.
     skip_invalid : bool
-        Drop objects that are not finite and faces of fewer than three corners, and say how many;
-        by default they are refused.
+        Drop objects that are not finite and faces of fewer than three corners, and log how many. By
+        default they are refused.
     triangulate : bool
-        Store all faces of more than three corners as triangles: one of k corners is k - 2. By
-        default those that are not flat become triangles, and how many is said; a face that is flat
-        is a polygon.
+        Store all faces of more than three corners as triangles, a face of k corners as k - 2. By
+        default faces that are not flat become triangles, with a logged count, and flat ones
+        polygons.
     polygons : bool
-        Store all of them as polygons, each in the plane that fits it.
+        Store all faces of more than three corners as polygons, each in the plane that fits it.
     progress : callable, optional
-        Called with the bytes read so far, of all files.
+        Called with the number of bytes read so far, of all files.
     durable : bool
-        Whether the store outlives a loss of power; of no use for one that is removed soon.
+        Whether the store outlives a loss of power; not needed for one that is soon removed.
 
     Returns
     -------
@@ -154,13 +157,14 @@ def convert(
     Raises
     ------
     SceneError, ShortReadError
-        If a file is not what it should be: one line with file, place, what was found and
+        If a file is damaged or no scene: one line with file, place, what was found and what was
         expected. Nothing is left behind.
     BudgetError
         If the budget is below the least that works, which the message names.
     SettingError
-        If no reader knows the file's suffix, a setting does not fit what it has, or no file has
-        use for it.
+        If no reader knows a file's suffix, a setting does not fit the file, or no file uses it.
+    DiskFullError, StreamError
+        If the system refuses a read or a write; nothing is left behind.
     """
     sources = [source] if isinstance(source, (str, os.PathLike)) else source
     names = [os.fspath(each) for each in sources]
@@ -216,7 +220,7 @@ def convert(
 
 
 def reader_of(name: str) -> Reader | None:
-    """What reads a file; None for a standard scene.
+    """Return the reader of a file's format; None for a standard scene.
 
     Raises
     ------
@@ -235,7 +239,7 @@ def reader_of(name: str) -> Reader | None:
 
 
 def after(progress: Report | None, files: list[str]) -> Report | None:
-    """A report that counts these files as read."""
+    """Return a reporter that counts some files as read already."""
     if progress is None:
         return None
     read = sum(path.stat().st_size for path in map(Path, files) if path.is_file())
@@ -243,7 +247,7 @@ def after(progress: Report | None, files: list[str]) -> Report | None:
 
 
 class GroupSink:
-    """A scene writer as one file of several sees it: its objects are a group.
+    """Gives the reader of one of several files a scene writer: its objects become a group.
 
     The first file's view, lights and background are the scene's.
     """
@@ -271,7 +275,7 @@ class GroupSink:
 
 
 class Behind:
-    """A sink one step behind the reader: threads work blocks out while the next are read.
+    """Keeps a sink one step behind the reader: threads prepare blocks while the next are read.
 
     Blocks are added in the order they came in, at most `PENDING` later.
     """
@@ -303,7 +307,7 @@ class Behind:
             self._prepare(Kind.POLYGON, vertices, counts.astype(np.uint32), materials)
 
     def _prepare(self, kind: Kind, *block: NDArray[Any]) -> None:
-        """Have a thread work a block out: its records, counts and materials."""
+        """Have a thread prepare a block: its records, counts and materials."""
         made = self._threads.submit(self._sink.prepare, kind, *block)
         self._hand_over(lambda: self._sink.add(made.result()))
 
@@ -335,14 +339,14 @@ class Behind:
 def read_scene(
     reader: Reader, name: str, sink: GroupSink, reading: Reading, progress: Report | None
 ) -> None:
-    """Read a file into a sink, whose own complaints get the file's name too."""
+    """Read a file into a sink, whose errors get the file's name too."""
     with complaints_of(name), Behind(sink) as behind:
         reader(name, behind, reading, progress)
 
 
 @contextmanager
 def complaints_of(name: str) -> Iterator[None]:
-    """Have what is said of a scene begin with its file's name."""
+    """Have errors about a scene begin with its file's name."""
     try:
         yield
     except SceneError as error:
@@ -352,7 +356,7 @@ def complaints_of(name: str) -> Iterator[None]:
 
 
 def parse_spd(name: str, **options: str | None) -> SpdScene:
-    """The scene that ``spd:NAME:SIZE`` names, with those options that are not None."""
+    """Return the scene that ``spd:NAME:SIZE`` names, with the options that are not None."""
     _, _, rest = name.partition(":")
     scene, _, size = rest.partition(":")
     if not (size.isascii() and size.isdigit()):
@@ -371,23 +375,23 @@ class _View:
         self.found = camera
 
     def light(self, light: object) -> None:
-        """A view has no lights."""
+        """Ignore a light: a view has none."""
 
     def background(self, color: object) -> None:
-        """Nor a background."""
+        """Ignore a background: a view has none."""
 
     def material(self, material: object) -> int:
         return 0
 
     def append(self, kind: object, records: object, materials: object) -> None:
-        """Objects are passed over."""
+        """Ignore objects."""
 
     def append_polygons(self, vertices: object, counts: object, materials: object) -> None:
-        """Polygons too."""
+        """Ignore polygons."""
 
 
 def read_view(path: str | os.PathLike[str]) -> Camera:
-    """The camera of an NFF file, of which only the ``v`` is needed.
+    """Return the camera of an NFF file, which may consist of a ``v`` alone.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What can go wrong, each with its own exception.
+"""The exceptions that bfrt raises, one for each kind of fault.
 
 Every message is one sentence that says where, what was found, and what was expected.
 """
@@ -10,31 +10,66 @@ from typing import Any
 
 
 class BfrtError(Exception):
-    """Base of every exception that bfrt raises on purpose."""
+    """Stands for any fault that bfrt finds: the base of all its exceptions."""
 
 
 class SceneError(BfrtError, ValueError):
-    """Input data that is not a scene: a bad file, a NaN, a count that lies."""
+    """Reports input that is no scene: a bad file, a NaN, a count that the data do not bear out.
+
+    It is a `ValueError` too.
+    """
 
 
 class StoreError(BfrtError, ValueError):
-    """A scene store that is truncated, damaged, of another version, or no store at all."""
+    """Reports a scene store that is truncated, damaged, of another version, or no store at all.
+
+    It is a `ValueError` too.
+    """
 
 
 class BudgetError(BfrtError, MemoryError):
-    """The memory budget is below what the work needs; the message names the least that works."""
+    """Reports a memory budget below what the work needs; the message names the least that works.
+
+    It is a `MemoryError` too.
+    """
 
 
 class SettingError(BfrtError, ValueError):
-    """A setting that cannot be honoured."""
+    """Reports a setting or an argument that cannot be honoured.
+
+    It is a `ValueError` too.
+    """
 
 
 class Cancelled(BfrtError):
-    """A progress callback returned False."""
+    """Reports work that ended because a progress callback returned False."""
 
 
 class StreamError(BfrtError, OSError):
-    """A read or write that the system refused, with the file and the offset."""
+    """Reports a read or a write that the system refused.
+
+    It is an `OSError` too.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    offset : int
+        Where in the file, bytes.
+    errno : int
+        The system's number for the fault, as in the module `errno`.
+    doing : str
+        What was tried, for the message: "reading", "writing" ...
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    offset : int
+        Where in the file, bytes.
+    errno : int
+        The system's number for the fault, as in the module `errno`.
+    """
 
     def __init__(self, path: str | os.PathLike[str], offset: int, errno: int, doing: str) -> None:
         self.path = os.fspath(path)
@@ -46,16 +81,35 @@ class StreamError(BfrtError, OSError):
         return str(self.args[1])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by the arguments: a pool of processes hands its errors over so."""
+        """Pickle by the arguments, so that a pool of processes can pass the error on."""
         return type(self), (self.path, self.offset, self.errno, self._doing)
 
 
 class DiskFullError(StreamError):
-    """No space is left for a write (ENOSPC, or a quota)."""
+    """Reports a write that finds no space left (ENOSPC, or a quota)."""
 
 
 class ShortReadError(BfrtError, EOFError):
-    """A file ended before a record that its header promised."""
+    """Reports a file that ends before a record that its header promises.
+
+    It is an `EOFError` too.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    offset : int
+        Where the record begins, bytes.
+    asked, left : int
+        Bytes of the record, and bytes that the file has from there on.
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    offset : int
+        Where the record begins, bytes.
+    """
 
     def __init__(self, path: str | os.PathLike[str], offset: int, asked: int, left: int) -> None:
         self.path = os.fspath(path)

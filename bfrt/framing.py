@@ -41,24 +41,27 @@ def framing_camera(
     angle: float = Camera.angle,
     resolution: tuple[int, int] = Camera.resolution,
 ) -> Camera:
-    """The camera that frames a scene: from the front, a little to the right and above.
+    """Return the camera that frames a scene: from the front, a little to the right and above.
 
-    It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius is
-    half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal angle of
-    view. So the sphere around the bounds touches the edges of the picture, or two of them.
+    The camera looks at the center of the bounds, from a distance of ``radius / sin(half)``: the
+    radius is half the bounds' diagonal, and ``half`` is half the smaller of the vertical and the
+    horizontal angle of view. So the sphere around the bounds touches all edges of a square picture,
+    and two edges of any other.
 
     Parameters
     ----------
     store : Store
-        Whose bounds are framed, all objects' together.
+        The store whose bounds are framed.
     eye, at : tuple of 3 float, optional
-        Where the eye is and what it looks at, in place of what frames the scene.
+        Where the eye is and the point it looks at, world coordinates, instead of those that frame
+        the scene.
     up : tuple of 3 float
-        Which way is up. The front is at right angles to it: -y where z is up, z where y is.
+        The direction that is up, of any length. The front is at right angles to it: -y if z is up,
+        z if y is up.
     angle : float
-        Field of view in degrees from the bottom to the top of the image, in (0, 180).
+        Vertical field of view, from the bottom to the top of the image, in degrees, in (0, 180).
     resolution : tuple of 2 int
-        Width and height in pixels; where it is higher than it is wide, the width has to fit.
+        Width and height in pixels, 1 to 65535 each.
 
     Returns
     -------
@@ -67,9 +70,9 @@ def framing_camera(
     Raises
     ------
     SettingError
-        If there is nothing to frame: no objects, or no extent; if `up` is no direction.
+        If there is nothing to frame, no objects or no extent; or if `up` is no direction.
     SceneError
-        As of `Camera`, if a value is out of range or what is given does not span a view.
+        If a value is out of range, or eye, at and up do not span a view.
     """
     view = Camera(way_to_eye(up), (0.0, 0.0, 0.0), up, angle, resolution=resolution)
     if eye is not None and at is not None:
@@ -89,18 +92,18 @@ def framing_camera(
 
 
 def framing_lights(store: Store, camera: Camera) -> list[Light]:
-    """Two lights for a scene that has none: `KEY` and `FILL`.
+    """Return two lights for a scene that has none: `KEY` and `FILL`.
 
-    A light is at ``eye + size (x right + y up + z back)``, with the camera's axes, and as size the
-    eye's distance from the center of the bounds, or their radius if that is more: light falls at
-    the same angles on a scene that is seen whole from near or far, and on what an eye in the midst
-    of it sees.
+    Each light is at ``eye + size (x right + y up + z back)``, along the camera's axes. The size is
+    the eye's distance from the center of the bounds, or their radius if that is more: so light
+    falls at the same angles on a scene that is seen whole, from near or far, and on the part of it
+    that an eye inside the scene sees.
 
     Parameters
     ----------
     store : Store
     camera : Camera
-        The view that they light.
+        The view to light.
 
     Returns
     -------
@@ -118,7 +121,7 @@ def framing_lights(store: Store, camera: Camera) -> list[Light]:
 
 
 def bounding_sphere(store: Store) -> tuple[Vector, float]:
-    """Center (world coordinates) and radius of the sphere around the bounds.
+    """Return the center (world coordinates) and the radius of the sphere around the bounds.
 
     ``(lo + hi) / 2 + origin``, and ``|hi - lo| / 2``; the origin and 0 where there are no objects.
     """
@@ -129,7 +132,7 @@ def bounding_sphere(store: Store) -> tuple[Vector, float]:
 
 
 def half_angle(camera: Camera) -> float:
-    """Half the smaller angle of view, in radians.
+    """Return half the smaller angle of view, in radians.
 
     The vertical one is ``angle``, the horizontal one ``2 atan(tan(angle / 2) width / height)``.
     """
@@ -139,7 +142,7 @@ def half_angle(camera: Camera) -> float:
 
 
 def way_to_eye(up: Vector) -> Vector:
-    """The unit direction to the eye: `TO_EYE`, of axes that `up` decides.
+    """Return the unit direction to the eye: `TO_EYE` in axes that `up` decides.
 
     ``front = x cross up``, or ``y cross up`` where `up` is along x more than y and z;
     ``right = up cross front``.
@@ -157,24 +160,24 @@ def way_to_eye(up: Vector) -> Vector:
 
 
 def axes_of(camera: Camera) -> tuple[Vector, Vector, Vector]:
-    """The unit vectors to the right, up, and back from what the camera looks at."""
+    """Return the unit vectors to the right, up, and back from what the camera looks at."""
     back = unit(moved(camera.eye, -1.0, camera.at))
     right = unit(cross(camera.up, back))
     return right, cross(back, right), back
 
 
 def moved(start: Vector, by: float, way: Vector) -> Vector:
-    """``start + by * way``."""
+    """Return ``start + by * way``."""
     return start[0] + by * way[0], start[1] + by * way[1], start[2] + by * way[2]
 
 
 def length(v: Vector) -> float:
-    """The length of a vector."""
+    """Return the length of a vector."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 def unit(v: Vector) -> Vector:
-    """The vector at length one; zero stays zero. Scaled first, so that no square is lost."""
+    """Return the vector at length one; zero stays zero. Scales first, so that no square is lost."""
     size = max(abs(part) for part in v) or 1.0
     scaled = v[0] / size, v[1] / size, v[2] / size
     return moved((0.0, 0.0, 0.0), 1.0 / (length(scaled) or 1.0), scaled)

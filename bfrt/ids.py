@@ -24,7 +24,7 @@ _INDEX = (1 << INDEX_BITS) - 1
 
 
 def stream_number(group: int, kind: Kind) -> int:
-    """Return the number of a group's stream of a kind: what ``geometry_ids`` tell."""
+    """Return the number of a group's stream of a kind, as in ``geometry_ids``."""
     return group << KIND_BITS | kind
 
 

@@ -25,7 +25,7 @@ CGROUPS = Path("/sys/fs/cgroup")
 
 
 def parse_memory(text: str | int) -> int:
-    """Bytes of ``"256MiB"``, ``"1.5 GB"`` or a number; MiB is 2^20, MB 10^6.
+    """Return the bytes of ``"256MiB"``, ``"1.5 GB"`` or a number; MiB is 2^20, MB 10^6.
 
     Raises
     ------
@@ -43,18 +43,18 @@ def parse_memory(text: str | int) -> int:
 
 
 def format_memory(amount: int) -> str:
-    """An amount as people write it, rounded up to MiB."""
+    """Return an amount as people write it, rounded up to MiB."""
     return f"{-(-amount // (1 << 20))}MiB"
 
 
 def default_memory() -> int:
-    """A quarter of the machine's memory, or of its cgroup's limit where that is less."""
+    """Return a quarter of the machine's memory, or of its cgroup's limit if that is less, bytes."""
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return min([machine, *cgroup_limits()]) // 4
 
 
 def cgroup_limits() -> list[int]:
-    """Memory limits of this process's cgroup and of those above it; none where there are none."""
+    """Return the memory limits of this process's cgroup and of those above it; empty if none."""
     groups = OWN_CGROUPS.read_text().splitlines() if OWN_CGROUPS.exists() else []
     limits = []
     for group in groups:

@@ -1,4 +1,4 @@
-"""A plan as it is told: `bfrt.plan`'s answer, its assumptions, and its tables."""
+"""A plan: the answer of `bfrt.plan`, its assumptions, and its tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bfrt.stats import aligned
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What estimates are made of.
+    """Holds the numbers that estimates are made with.
 
     Counts are fits to the counters of rings 36 and 94, balls 6, mount 10, tree 17, teapot 124 and
     gears 18, at 128 and 256 MiB; seconds to docs/performance.rst: two cores of an EPYC at 2.4 GHz,
@@ -19,25 +19,28 @@ class Assumptions:
 
     Attributes
     ----------
-    hits, facing : float
-        Of the rays that are no shadow rays, those that hit; of the lights, those that a hit faces.
+    hits : float
+        Part of the rays, shadow rays left out, that hit something.
+    facing : float
+        Part of the lights that a hit faces.
     onward : tuple of 3 float
-        Rays that go on from a hit, where none may, a reflected one, and a refracted one too.
+        Rays that go on from a hit: in a scene without mirrors, with mirrors, and with transmitting
+        surfaces too.
     passes, passes_full : float
-        Passes of a round of the depth loop whose rays are few; more for each time that they fill
+        Passes of a round of the depth loop with few rays; further ones for each time that rays fill
         memory.
     passes_off : float
-        Passes may be so many times as many, for the upper bound of what is read.
+        Factor from the estimated passes to the most, for the upper bound of bytes.
     candidates : float
-        Candidates of a ray in a pass, where memory holds more.
+        Candidates of a ray in a pass, if memory holds them.
     hit_bytes : float
-        Read for a hit that is shaded, gaps that are read through included.
+        Bytes read for a shaded hit, gaps that are read through included.
     slab_reads : float
-        Readings of each slab in a pass, where there are several.
+        Times that each slab is read in a pass, if there are several.
     read_rate : float
-        Bytes a second.
+        Bytes read a second.
     mark_rate, ray_rate, test_rate : float
-        Objects marked, rays taken through all phases and boxes tested, a second and thread.
+        Objects marked, rays taken through all phases, and boxes tested, a second and thread.
     tests : float
         Boxes tested a ray.
     """
@@ -63,23 +66,26 @@ ASSUMED = Assumptions()
 
 @dataclass(frozen=True)
 class GridPlan:
-    """A group's grid.
+    """Describes a group's grid.
 
     Attributes
     ----------
     voxels : tuple of 3 int
-        An axis.
+        Voxels on each axis: x, y, z.
     lower : int
         Voxels a side of an upper voxel; 1 for a grid of one level.
     blocks : int
-        Lower-level blocks; 0 for a grid of one level.
+        Lower-level blocks in memory; 0 for a grid of one level.
     subspaces : int
-        Of the preprocess, each a pass, where it is needed.
+        Parts in which the grid is preprocessed, one pass each.
     slabs : int
-        Exactly, where `slabs_known`, else at the most: empty bricks take no room.
-    slabs_known, marks_there : bool
+        Parts in which rays go through the grid; exact if `slabs_known`, else the most there may be.
+    slabs_known : bool
+        Whether `slabs` is exact: the marks exist, or the grid is one slab.
+    marks_there : bool
+        Whether the marks exist, so that no preprocess is needed.
     marks_bytes : int
-        Of the file; at the most, where it is not there.
+        Bytes of the file of marks; an upper bound if it does not exist.
     """
 
     voxels: tuple[int, int, int]
@@ -94,7 +100,7 @@ class GridPlan:
 
 @dataclass(frozen=True)
 class RayPlan:
-    """Rays to be traced: eye rays exactly; an estimate of all others, and how many may be."""
+    """Counts the rays to be traced: eye rays exactly, the others as an estimate and at most."""
 
     eye: int
     others: int
@@ -103,9 +109,9 @@ class RayPlan:
 
 @dataclass(frozen=True)
 class PhasePlan:
-    """Passes, bytes read and seconds.
+    """Counts passes, bytes and seconds of one or more phases.
 
-    Those of the preprocess are its passes exactly; the rest are estimates. Bytes are between
+    The passes of the preprocess are exact, all else is an estimate. The bytes read are between
     `bytes_least` and `bytes_most`, if any ray comes near an object.
     """
 
@@ -118,8 +124,7 @@ class PhasePlan:
 
 @dataclass(frozen=True)
 class DiskPlan:
-    """Bytes on disk at the most: marks to be made, a frame that memory has no room for, and
-    spools at the time when they are largest."""
+    """Counts bytes on disk at most: new marks, a frame that memory cannot hold, and spools."""
 
     marks: int
     frame: int
@@ -128,28 +133,38 @@ class DiskPlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a render would take.
+    """Tells what a render takes: memory exactly, rays, bytes and seconds as estimates.
 
     Attributes
     ----------
-    objects, scene_bytes : int
+    objects : int
+        Objects of the scene.
+    scene_bytes : int
+        Bytes of the store, without marks.
     settings : dict
-        As in `Stats`, and the resolution, the samples, 0 for SPD's procedure, and the AOVs.
+        The settings as in `bfrt.stats.Stats`, and the resolution, the samples a pixel (0 for SPD's
+        procedure) and the AOVs.
     rays_in_flight, candidates, hits, queue : int
-        What the budget holds, of each.
+        Rays in flight, their candidates, hits that wait for shading, and rays of the next depth
+        that memory holds; more of the last two wait on disk.
     frame_on_disk : bool
+        Whether the finished image is on disk, since memory cannot hold it.
     bands : int
         Bands of rows in which the frame is rendered.
     grids : tuple of GridPlan
-        A group each.
+        The grid of each group.
     marks_reused : bool
-        Whether all marks are there.
+        Whether all marks exist, so that there is no preprocess.
     rays : RayPlan
+        Rays to be traced.
     preprocess, tracing : PhasePlan
+        The work of the preprocess, and of all other phases together.
     spool_bytes : int
-        Bytes to be spooled at the most.
+        The most bytes that are written to spools, in all.
     disk : DiskPlan
+        The most bytes on disk at once.
     assumptions : Assumptions
+        The numbers that the estimates are made with.
     """
 
     objects: int
@@ -171,11 +186,11 @@ class Plan:
     assumptions: Assumptions = ASSUMED
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """Return the plan as a dict, ready for JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
-        """Tables for people: amounts, grids, phases."""
+        """Return tables for people: amounts, grids, phases."""
         tables = (_amounts(self), _grids(self), _phases(self))
         return "\n\n".join([*map(aligned, tables), _assumed(self)])
 

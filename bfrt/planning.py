@@ -29,7 +29,7 @@ from bfrt.view import View
 
 
 def plan_of(store: Store, view: View, settings: Settings, held: Capacities) -> Plan:
-    """Tell what a render of a view would take, with what its budget holds: `bfrt.plan`."""
+    """Plan a render of a view with the capacities of its budget, for `bfrt.plan`."""
     told = {
         "refine": settings.refinement.name,
         "memory": settings.memory,
@@ -71,7 +71,7 @@ def _grid_plan(store: Store, group: Group, held: Capacities, settings: Settings)
 
 
 class Wave(NamedTuple):
-    """Rays of one round of the depth loop; of those that are no shadow rays, how many hit."""
+    """Counts the rays of one round of the depth loop, and the hits that are to be shaded."""
 
     paths: float
     shadows: float
@@ -83,7 +83,7 @@ class Wave(NamedTuple):
 
 
 def waves(eye: int, depth: int, *, hits: float, onward: float, shadows: float) -> list[Wave]:
-    """The rounds that eye rays begin, where so many rays go on, and shadow rays, from a hit."""
+    """Estimate the rounds of eye rays; a hit sends `onward` rays and `shadows` shadow rays."""
     made = [Wave(eye, 0.0, eye * hits)]
     for number in range(1, depth + 1):
         before = made[-1].hits
@@ -93,7 +93,7 @@ def waves(eye: int, depth: int, *, hits: float, onward: float, shadows: float) -
 
 
 def onward_rays(store: Store) -> int:
-    """Rays that may go on from a hit: none, a reflected one, a refracted one too."""
+    """Return the number of rays that may go on from a hit: reflected, and refracted."""
     palette = store.materials()
     if (palette["transmittance"] > 0).any():
         return 2
@@ -101,20 +101,20 @@ def onward_rays(store: Store) -> int:
 
 
 class Swept(NamedTuple):
-    """Bytes of a group by when they are read.
+    """Counts a group's bytes by when they are read.
 
     Attributes
     ----------
     top : int
-        Of the hierarchy's last levels, which every pass reads.
+        Bytes of the hierarchy's last levels, which every pass reads.
     levels : int
-        Of all levels.
+        Bytes of all levels.
     boxes : int
-        Of what tells where objects are: boxes, spheres, ends of polygons.
+        Bytes that tell where objects are: boxes, spheres, ends of polygons.
     coded : int
         The same by quantised boxes, where there are any and the hierarchy is used.
     shapes : int
-        Of all other geometry.
+        Bytes of all other geometry.
     materials : int
     ends : int
         Of the ends of polygons, which are among the boxes: a thread that begins with a polygon
@@ -135,7 +135,7 @@ class Swept(NamedTuple):
 
 
 def swept_of(group: Group, refinement: Refinement) -> Swept:
-    """What the sweeps over a group read; levels with the hierarchy only."""
+    """Return the bytes that sweeps over a group read; levels only with the hierarchy."""
     top = levels = boxes = coded = shapes = materials = ends = 0
     for stream in group.streams:
         sizes = {name: facts.bytes for name, facts in stream.files.items()}
@@ -155,7 +155,7 @@ def swept_of(group: Group, refinement: Refinement) -> Swept:
 
 
 class _Planner:
-    """One plan as it is worked out: of one band of rows, times the bands."""
+    """Works out a plan: that of one band of rows, times the bands."""
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class _Planner:
         self._most = waves(band, depth, hits=1.0, onward=onward, shadows=lights)
 
     def plan(self) -> Plan:
-        """All of it."""
+        """Return the whole plan."""
         held = self._held
         return Plan(
             objects=self._store.objects,
@@ -223,7 +223,7 @@ class _Planner:
         return int(self._bands * (sum(wave.rays for wave in rounds) - rounds[0].paths))
 
     def _preprocess(self) -> PhasePlan:
-        """One pass over a group for each subspace.
+        """Plan the preprocess: one pass over a group for each subspace.
 
         With the hierarchy it leaves out what lies in others, and at best boxes above that too.
         """
@@ -269,10 +269,11 @@ class _Planner:
         return ASSUMED.passes + ASSUMED.passes_full * wave.rays / self._held.rays
 
     def _pass_bytes(self, wave: Wave, grid: GridPlan, swept: Swept) -> float:
-        """Read in one pass: of what is near rays, and what lies between.
+        """Estimate the bytes read in one pass: of objects near rays, and of short gaps between.
 
-        That is more than the part of the voxels that are candidates, for parents are larger than
-        voxels, and short gaps are read through: its root fits, to a billion objects.
+        They are a larger part of all bytes than candidates are of all voxels, since parents are
+        larger than voxels, and short gaps are read through: the root of that part fits, to a
+        billion objects.
         """
         if not self._refinement.lazy:
             return swept.all
@@ -283,24 +284,24 @@ class _Planner:
         return swept.top + near * (swept.all - swept.top)
 
     def _least_bytes(self, swept: Swept) -> int:
-        """Read in one pass at the least."""
+        """Return the least bytes read in one pass."""
         if self._refinement.hierarchy:
             return swept.top
         return swept.boxes if self._refinement.lazy else swept.all
 
     def _slab_bytes(self, grid: GridPlan, readings: float) -> float:
-        """Read of the marks: once as rays enter a grid, or slab by slab, so many times."""
+        """Return the bytes read of marks: once a grid, or slab by slab, `readings` times."""
         if grid.slabs > 1:
             return grid.marks_bytes * readings
         entered = 1 if len(self._grids) == 1 else self._bands * len(self._likely)
         return grid.marks_bytes * entered
 
     def _shading_passes(self, rounds: Sequence[Wave]) -> int:
-        """Times that hits fill memory, in a band."""
+        """Return the number of times that hits fill memory, in a band."""
         return sum(math.ceil(wave.hits / max(1, self._held.hits)) for wave in rounds)
 
     def _shaded_bytes(self) -> tuple[float, float]:
-        """Read in the shading, spools included: an estimate, and the most."""
+        """Estimate the bytes read in shading, spools included, and the most bytes."""
         whole = sum(swept.all + swept.ends + swept.materials for swept in self._swept)
         read = self._shading_passes(self._likely) * whole
         if self._refinement.lazy:
@@ -313,7 +314,7 @@ class _Planner:
         )
 
     def _spooled(self, rounds: Sequence[Wave]) -> int:
-        """Bytes that a band's rounds write to spools."""
+        """Return the bytes that a band's rounds write to spools."""
         return sum(
             self._hit_bytes(wave.hits)
             + self._parted_bytes(wave.hits)
@@ -323,7 +324,7 @@ class _Planner:
         )
 
     def _spools_at_once(self) -> int:
-        """Bytes of a round's hits, of its rays, and of the next one's; of rays between groups."""
+        """Return the most bytes that spools hold at once: hits, rays and next rays of a round."""
         queued = [0, *(self._queue_bytes(wave.rays) for wave in self._most[1:]), 0]
         between = min(2, len(self._grids) - 1)
         return max(
@@ -339,7 +340,7 @@ class _Planner:
         return max(0, math.ceil(records) - self._held.hits) * HIT_BYTES
 
     def _parted_bytes(self, hits: float) -> int:
-        """Of hits, at the most, that are parted by object: where that saves reading."""
+        """Return the most bytes of hits that are parted by object, where parting saves reading."""
         parted = self._refinement.lazy and hits > self._held.hits
         return math.ceil(hits) * HIT_BYTES if parted else 0
 

@@ -1,4 +1,4 @@
-"""How far a render or a query is: told to a caller, or shown as a bar."""
+"""Progress of a render or a query: reported to a caller, or shown as a bar."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bfrt.errors import Cancelled, SettingError
 
 
 class Progress(NamedTuple):
-    """Where a render or a query is.
+    """Tells how far a render or a query is.
 
     A frame that memory does not hold is rendered in bands of rows, each from its first depth on.
 
@@ -19,11 +19,13 @@ class Progress(NamedTuple):
     depth : int
         The depth of the rays that are being traced, from 1.
     done : int
-        Rays of this depth that are finished.
+        Rays of this depth, and of this band, that are finished: their nearest hit, or that they
+        have none, is known. Hits are shaded when all rays of the depth are finished.
     total : int
-        Rays of this depth; of blocks of rays, those that have been taken.
+        All rays of this depth and band. A query that gets its rays in blocks counts the rays that
+        it has taken so far, so that the number grows.
     band, bands : int
-        The band of rows, from 1, and how many there are.
+        The band of rows that is rendered, from 1, and the number of bands.
     """
 
     depth: int
@@ -54,7 +56,7 @@ def tell(report: Report, progress: Progress) -> None:
 
 @contextmanager
 def reporting(progress: bool | Report) -> Iterator[Report]:
-    """Yield what is reported to: nothing, a caller's own, or a bar."""
+    """Yield the function that takes reports: one that ignores them, the caller's, or a bar."""
     if progress is False:
         yield lambda _: None
     elif progress is not True:

@@ -1,8 +1,8 @@
 """Every record that touches disk or crosses a phase, declared once.
 
 All are little-endian and packed. ``records.pxd`` has the C twins; ``tests/test_records.py`` holds
-the two together. Positions and directions are float64, because all arithmetic is; geometry and
-boxes on disk are what DESIGN's byte counts allow.
+the two together. Positions and directions are float64, because all arithmetic is. On disk geometry
+is float32 or float64, and boxes are float32, rounded outwards: they make up most of what is read.
 
 ===========  =====  ==========================================================================
 record       bytes  what it is
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 
 class Kind(enum.IntEnum):
-    """The primitive kinds, in the order of object ids."""
+    """Numbers the kinds of primitives, in the order of object ids."""
 
     SPHERE = 0
     CONE = 1
@@ -45,7 +45,7 @@ class Kind(enum.IntEnum):
 
 
 class RayKind(enum.IntEnum):
-    """Why a ray was sent."""
+    """Numbers the reasons for which a ray is sent."""
 
     EYE = 0
     REFLECTION = 1
@@ -167,5 +167,5 @@ for _dtype, _bytes in (
 
 
 def plain(records: NDArray[Any]) -> NDArray[Any]:
-    """The same memory, to be copied: NumPy would copy a record field by field, ten times slower."""
+    """View records as plain bytes, to copy: NumPy copies field by field, ten times slower."""
     return records.view(f"V{records.dtype.itemsize}")

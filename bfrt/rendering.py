@@ -76,8 +76,10 @@ def develop(film: Film, canvas: Canvas) -> None:
 
 
 def describe(store: Store, view: View) -> dict[str, str]:
-    """Return metadata: the scene and what changes the picture, also lights that were added to it;
-    not threads, budget or time."""
+    """Return metadata: the scene and all that changes the picture, added lights included.
+
+    Threads, budget and time change nothing, and are left out.
+    """
     camera = view.camera
     facts = {
         "scene": store.path.stem,
@@ -97,5 +99,5 @@ def describe(store: Store, view: View) -> dict[str, str]:
 
 
 def digits(numbers: Iterable[float]) -> str:
-    """Numbers as metadata has them, so long that map coordinates are told apart."""
+    """Return numbers as metadata has them, with digits enough to tell map coordinates apart."""
     return " ".join(f"{x:.15g}" for x in numbers)

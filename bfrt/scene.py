@@ -1,4 +1,4 @@
-"""``bfrt.open``: a scene, and what can be done with it."""
+"""``bfrt.open``: an open scene, its renders and its ray queries."""
 
 from __future__ import annotations
 
@@ -45,14 +45,16 @@ Divide = Callable[[Store, Settings, FrameSize], Capacities]
 
 @dataclass(frozen=True)
 class Geometry:
-    """The objects of one kind in one group, as ``geometry_ids`` count them.
+    """Describes the objects of one kind in one group, which ``geometry_ids`` refer to.
 
     Attributes
     ----------
     group : int
+        Number of the group, from 0.
     kind : Kind
+        The kind of the objects.
     count : int
-        Objects; ``primitive_ids`` are less than that.
+        Number of objects; ``primitive_ids`` are 0 to count - 1.
     """
 
     group: int
@@ -61,24 +63,25 @@ class Geometry:
 
 
 class Scene:
-    """An open scene: its header, not the data, and what can be asked of it.
+    """Renders an open scene and answers ray queries; it holds the header, not the data.
 
-    It is a context manager. What a query prepares (threads, memory, open files, the grid) is kept
-    until the scene is closed, or asked with other settings: a second query of the same settings
-    makes nothing again. A scene that is not closed is so when it is forgotten. Threads may share
-    one: while a query is worked on, another prepares for itself.
+    A scene is a context manager, and `bfrt.open` makes one. A query prepares threads, memory, open
+    files and the grid, which the scene keeps until it is closed, rendered, or asked with other
+    settings: a second query with the same settings prepares nothing again. A scene closes itself
+    when nothing refers to it. Threads may share one: while a query runs, another query prepares for
+    itself.
 
     Parameters
     ----------
     store : Store
         The open store.
     divide : callable
-        Divides a budget: `bfrt.budget.capacities`, or what gives less.
+        Divides a memory budget among rays, grid and buffers, as `bfrt.budget.capacities` does.
 
     Attributes
     ----------
     store : Store
-        Its inside: groups, streams, files.
+        The open store: groups, streams, files.
     """
 
     _kept: Tracer | None = None
@@ -90,7 +93,7 @@ class Scene:
         self._busy = threading.RLock()
 
     def __reduce__(self) -> tuple[type[Scene], tuple[Store, Divide]]:
-        """Copies, and what another process is sent, prepare for themselves."""
+        """Reduce to the store: copies, and what another process is sent, prepare for themselves."""
         return Scene, (self.store, self._divide)
 
     def __repr__(self) -> str:
@@ -98,60 +101,67 @@ class Scene:
 
     @property
     def path(self) -> Path:
-        """Where the store is."""
+        """Return the path of the store."""
         return self.store.path
 
     @property
     def objects(self) -> int:
-        """How many objects there are."""
+        """Return the number of objects."""
         return self.store.objects
 
     @property
     def bytes(self) -> int:
-        """Bytes on disk, without marks."""
+        """Return the bytes on disk, without marks."""
         return self.store.bytes
 
     @property
     def origin(self) -> tuple[float, float, float]:
-        """The place, in world coordinates, that the store's coordinates count from."""
+        """Return the point, in world coordinates, that the store's coordinates count from."""
         return self.store.origin
 
     @property
     def bounds(self) -> Bounds:
-        """The box around all objects in world coordinates, ``lo`` and ``hi``, (3,) float64 each.
+        """Return the box around all objects, world coordinates: ``lo`` and ``hi``, (3,) float64.
 
-        Of a scene without objects lo is inf and hi is -inf.
+        A scene without objects has lo = inf and hi = -inf.
         """
         return self.store.world_bounds
 
     @property
     def geometries(self) -> dict[int, Geometry]:
-        """What each of the ``geometry_ids`` is."""
+        """Return a `Geometry` for each number that ``geometry_ids`` may have."""
         streams = self.store.streams
         return {s.number: Geometry(s.group, s.kind, s.count) for s in streams}
 
     @property
     def camera(self) -> Camera | None:
-        """The scene's own camera, if it has one."""
+        """Return the scene's own camera, or None."""
         return self.store.camera
 
     @property
     def lights(self) -> list[Light]:
-        """The scene's own lights."""
+        """Return the scene's own lights."""
         return self.store.lights
 
     @property
     def background(self) -> tuple[float, float, float]:
-        """The color of rays that meet nothing."""
+        """Return the color of rays that meet nothing, linear RGB."""
         return self.store.background
 
     def materials(self) -> NDArray[Any]:
-        """Read the palette, (materials,) of records.MATERIAL.
+        """Read the palette.
+
+        Returns
+        -------
+        (materials,) structured ndarray
+            Of `bfrt.records.MATERIAL`: float32 red, green, blue, kd, ks, shine, transmittance, ior.
 
         Raises
         ------
-        StoreError, StreamError
-            If it is damaged, or as the system refuses.
+        StoreError
+            If the palette is damaged.
+        StreamError
+            If the system refuses to read it.
         """
         return self.store.materials()
 
@@ -161,7 +171,9 @@ class Scene:
         Raises
         ------
         StoreError
-            For the first file that differs from what was written, marks included.
+            If a file differs from what was written, marks included; it names the first.
+        StreamError
+            If the system refuses to read a file.
         """
         self.store.verify()
         for group in self.store.groups:
@@ -174,7 +186,7 @@ class Scene:
         self.close()
 
     def close(self) -> None:
-        """Give back what queries have prepared: threads, memory, open files."""
+        """Release what queries have prepared: threads, memory, open files. May be repeated."""
         with self._busy:
             self._forget()
 
@@ -187,7 +199,7 @@ class Scene:
             kept.close()
 
     def _make_room(self) -> None:
-        """Give back what is kept, which would be beside a render's budget, unless it is in use."""
+        """Release what queries have prepared, to make room for a render, unless it is in use."""
         if self._busy.acquire(blocking=False):
             try:
                 self._forget()
@@ -234,23 +246,26 @@ class Scene:
         angle: float = Camera.angle,
         resolution: tuple[int, int] = Camera.resolution,
     ) -> Camera:
-        """The camera that frames a scene: from the front, a little to the right and above.
+        """Return a camera that frames the scene from the front, a little to the right and above.
 
-        It looks at the center of the bounds, from a distance of ``radius / sin(half)``: the radius
-        is half the bounds' diagonal, ``half`` half the smaller of the vertical and the horizontal
-        angle of view. So the sphere around the bounds touches the edges of the picture, or two of
-        them.
+        The camera looks at the center of the bounds, from a distance of ``radius / sin(half)``: the
+        radius is half the bounds' diagonal, and ``half`` is half the smaller of the vertical and
+        the horizontal angle of view. So the sphere around the bounds touches all edges of a square
+        picture, and two edges of any other.
 
         Parameters
         ----------
         eye, at : tuple of 3 float, optional
-            Where the eye is and what it looks at, in place of what frames the scene.
+            Where the eye is and the point it looks at, world coordinates, instead of those that
+            frame the scene.
         up : tuple of 3 float
-            Which way is up. The front is at right angles to it: -y where z is up, z where y is.
+            The direction that is up, of any length. The front is at right angles to it: -y if z is
+            up, z if y is up.
         angle : float
-            Field of view in degrees from the bottom to the top of the image, in (0, 180).
+            Vertical field of view, from the bottom to the top of the image, in degrees, in
+            (0, 180).
         resolution : tuple of 2 int
-            Width and height in pixels; where it is higher than it is wide, the width has to fit.
+            Width and height in pixels, 1 to 65535 each.
 
         Returns
         -------
@@ -259,9 +274,9 @@ class Scene:
         Raises
         ------
         SettingError
-            If there is nothing to frame: no objects, or no extent; if `up` is no direction.
+            If there is nothing to frame, no objects or no extent; or if `up` is no direction.
         SceneError
-            As of `Camera`, if a value is out of range or what is given does not span a view.
+            If a value is out of range, or eye, at and up do not span a view.
         """
         return framing_camera_of(
             self.store, eye=eye, at=at, up=up, angle=angle, resolution=resolution
@@ -293,14 +308,15 @@ class Scene:
             The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
             machine's memory, or of its cgroup's limit.
         threads : int, optional
-            By default all cores that this process may use.
+            Number of threads. By default all cores that this process may use.
         camera : Camera, optional
-            By default the scene's own, or where it has none one that frames it (`framing_camera`).
+            The view. By default the scene's own, or if it has none one that frames it
+            (`framing_camera`).
         samples : int, optional
             Stratified samples a pixel. By default SPD's procedure: a ray at each pixel corner, four
             averaged.
         depth : int
-            Hits shaded along a path, the eye ray's included.
+            Hits shaded along a path, the eye ray's included; 1 or more.
         aovs : sequence of {"position", "albedo"}
             Channels that the image has beside those that it always has, of each pixel's first
             sample: P.X P.Y P.Z, world coordinates, inf on a miss; albedo.R albedo.G albedo.B, the
@@ -309,18 +325,18 @@ class Scene:
         refine : {"sgb", "sg", "base"}
             The paper's refinements: ``base`` reads every box and all geometry wherever the original
             algorithm does; ``sg`` reads geometry only where a ray meets its box, or hits it;
-            ``sgb`` reads only the boxes below those of the hierarchy that are near rays. The
-            picture is the same.
+            ``sgb`` also skips boxes that the hierarchy shows to be far from all rays. The picture
+            is the same.
         fresh_marks : bool
             Make the voxel marks again, instead of using those in the store.
         grid : int, optional
             Voxels on the longest axis of each grid. By default there are about as many voxels as
             objects, as far as memory goes.
         max_grid : int, optional
-            The most that there may be on that axis.
+            The most voxels on the longest axis.
         scratch : path-like, optional
-            Folder for spools, and for marks where the store is read-only. By default the store's
-            parent, or the system's temporary folder where that is read-only.
+            Folder for temporary files, and for marks if the store is read-only. By default the
+            store's parent, or the system's temporary folder if the parent is read-only.
         progress : bool or callable
             True shows a bar (needs tqdm, and a terminal). A callable gets a `Progress` after each
             pass; returning False cancels.
@@ -337,12 +353,11 @@ class Scene:
         BudgetError
             If the budget is below the least that works, which the message names.
         SettingError
-            If a setting cannot be honoured. If there is no camera, and no object that one could
-            frame.
+            If a setting cannot be honoured, or there is no camera, and no object to frame.
         Cancelled
             If `progress` returned False.
         DiskFullError, StreamError
-            As the system refuses.
+            If the system refuses a read or a write.
         """
         view = View.of(self.store, camera, samples, depth, aovs)
         settings = Settings.of(
@@ -371,12 +386,12 @@ class Scene:
         max_grid: int | None = None,
         scratch: PathLike | None = None,
     ) -> Plan:
-        """Tell what a render would take, before any work: no object is read.
+        """Estimate the passes, bytes and seconds of a render, without reading any object.
 
         Parameters
         ----------
         resolution : tuple of 2 int, optional
-            Width and height in pixels, instead of the camera's.
+            Width and height in pixels, 1 to 65535 each, instead of the camera's.
         memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
             As for `render`.
 
@@ -388,7 +403,7 @@ class Scene:
         Raises
         ------
         StoreError, BudgetError, SettingError
-            As `render`.
+            As for `render`.
         """
         view = View.of(self.store, camera, samples, depth, aovs).sized(resolution)
         settings = Settings.of(
@@ -420,20 +435,20 @@ class Scene:
         Parameters
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
-            Float32, float64 or whole numbers, of any byte order, in world coordinates; directions
-            of any length but zero. Memory maps and files may be larger than memory. Without
+            Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
+            any length but zero. Memory maps and files may be larger than memory. Without
             directions, `origins` is an iterable of blocks, pairs of such arrays.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
         out : mapping of arrays, or path-like, optional
-            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` of
-            each, and the answer is memory maps of these.
+            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` for
+            each key, in which case the answer is memory maps of these.
         progress : bool or callable
             As for `render`.
         memory : str or int, optional
-            The budget of the whole process, as for `render`. Arrays that you give, and get, are no
-            part of it.
+            The budget of the whole process, as for `render`. The arrays of rays and of the answer
+            are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
 
@@ -448,14 +463,14 @@ class Scene:
         Raises
         ------
         SettingError
-            For rays of other shapes or dtypes, and settings that cannot be honoured.
+            If rays have other shapes or dtypes, or a setting cannot be honoured.
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
-            As `render`.
+            As for `render`.
 
         Notes
         -----
-        Of hits at one t the object of the least id counts. The answer is the same, bit for bit,
-        whatever the memory, the threads and the refinement.
+        Among hits at the same t the object with the least id counts. The answer is the same, bit
+        for bit, for every memory budget, number of threads and refinement.
         """
         settings = Settings.of(
             memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
@@ -484,25 +499,26 @@ class Scene:
     ) -> Answer:
         """Find whether each ray hits anything in (t_min, t_max).
 
-        From a to b: directions ``b - a``, t_max 1, or a little less where b is on a surface.
+        For the way from a to b give directions ``b - a`` and t_max 1, or a little less if b is on a
+        surface.
 
         Parameters
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
-            Float32, float64 or whole numbers, of any byte order, in world coordinates; directions
-            of any length but zero. Memory maps and files may be larger than memory. Without
+            Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
+            any length but zero. Memory maps and files may be larger than memory. Without
             directions, `origins` is an iterable of blocks, pairs of such arrays.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
         out : mapping of arrays, or path-like, optional
-            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` of
-            each, and the answer is memory maps of these.
+            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` for
+            each key, in which case the answer is memory maps of these.
         progress : bool or callable
             As for `render`.
         memory : str or int, optional
-            The budget of the whole process, as for `render`. Arrays that you give, and get, are no
-            part of it.
+            The budget of the whole process, as for `render`. The arrays of rays and of the answer
+            are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
 
@@ -514,9 +530,9 @@ class Scene:
         Raises
         ------
         SettingError
-            For rays of other shapes or dtypes, and settings that cannot be honoured.
+            If rays have other shapes or dtypes, or a setting cannot be honoured.
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
-            As `render`.
+            As for `render`.
         """
         settings = Settings.of(
             memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
@@ -545,26 +561,26 @@ class Scene:
     ) -> Answer:
         """Count all hits of each ray in (t_min, t_max).
 
-        A sphere or cone that is crossed twice counts twice, once where it is touched. Of faces that
-        share an edge or a corner one counts there.
+        A sphere or cone that is crossed twice counts twice; one that is touched counts once. A hit
+        on an edge or a corner that faces share counts for one of them.
 
         Parameters
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
-            Float32, float64 or whole numbers, of any byte order, in world coordinates; directions
-            of any length but zero. Memory maps and files may be larger than memory. Without
+            Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
+            any length but zero. Memory maps and files may be larger than memory. Without
             directions, `origins` is an iterable of blocks, pairs of such arrays.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
         out : mapping of arrays, or path-like, optional
-            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` of
-            each, and the answer is memory maps of these.
+            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` for
+            each key, in which case the answer is memory maps of these.
         progress : bool or callable
             As for `render`.
         memory : str or int, optional
-            The budget of the whole process, as for `render`. Arrays that you give, and get, are no
-            part of it.
+            The budget of the whole process, as for `render`. The arrays of rays and of the answer
+            are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
 
@@ -576,9 +592,9 @@ class Scene:
         Raises
         ------
         SettingError
-            For rays of other shapes or dtypes, and settings that cannot be honoured.
+            If rays have other shapes or dtypes, or a setting cannot be honoured.
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
-            As `render`.
+            As for `render`.
         """
         settings = Settings.of(
             memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
@@ -610,20 +626,20 @@ class Scene:
         Parameters
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
-            Float32, float64 or whole numbers, of any byte order, in world coordinates; directions
-            of any length but zero. Memory maps and files may be larger than memory. Without
+            Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
+            any length but zero. Memory maps and files may be larger than memory. Without
             directions, `origins` is an iterable of blocks, pairs of such arrays.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
         out : path-like, optional
-            A folder that gets a file ``KEY.npy`` of each key, and the answer is memory maps of
-            these. How many hits there are is not known before, so arrays are refused.
+            A folder that gets a file ``KEY.npy`` for each key; the answer is memory maps of these.
+            Arrays are refused, since the number of hits is not known before.
         progress : bool or callable
             As for `render`.
         memory : str or int, optional
-            The budget of the whole process, as for `render`. Arrays that you give, and get, are no
-            part of it.
+            The budget of the whole process, as for `render`. The arrays of rays and of the answer
+            are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
 
@@ -631,15 +647,15 @@ class Scene:
         -------
         Answer
             ``ray_splits`` (n + 1,) int64: ray i has the rows [ray_splits[i], ray_splits[i + 1]) of
-            the other arrays, ordered by t, then id: those of `cast_rays`, and ``ray_ids`` (m,)
-            int64.
+            the other arrays, which are ordered by ray, then t, then id: ``ray_ids`` (m,) int64, and
+            the arrays of `cast_rays`, with m rows.
 
         Raises
         ------
         SettingError
-            For rays of other shapes or dtypes, and settings that cannot be honoured.
+            If rays have other shapes or dtypes, or a setting cannot be honoured.
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
-            As `render`.
+            As for `render`.
         """
         settings = Settings.of(
             memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
@@ -663,19 +679,33 @@ class SceneWriter(StoreWriter):
 
         Raises
         ------
+        SceneError, SettingError
+            As for `complete`.
         DiskFullError, StreamError
-            As the system refuses; nothing is left then.
+            If the system refuses a write; nothing is left behind.
         """
         return Scene(self.complete())
 
 
 def open_scene(path: PathLike) -> Scene:
-    """Open a store: read its header, check the sizes of its files.
+    """Open a scene store: read its header and check the sizes of its files.
+
+    Parameters
+    ----------
+    path : path-like
+        The store, a folder that `SceneWriter` or `convert` made.
+
+    Returns
+    -------
+    Scene
+        It holds the header only; no object is read.
 
     Raises
     ------
     StoreError
-        If it is not a store, of another version, damaged or truncated.
+        If it is no store, of another version, damaged or truncated.
+    StreamError
+        If the system refuses to read it.
     """
     return Scene(open_store(path))
 
@@ -687,7 +717,7 @@ Told = TypeVar("Told")
 def of_scene(
     method: Callable[Concatenate[Scene, Asked], Told],
 ) -> Callable[Concatenate[Scene | PathLike, Asked], Told]:
-    """Make a function of a method of a scene: its first argument is a scene, or where one is."""
+    """Make a method of `Scene` a function, whose first argument is a scene or a store's path."""
 
     def function(scene: Scene | PathLike, *args: Asked.args, **settings: Asked.kwargs) -> Told:
         if isinstance(scene, Scene):

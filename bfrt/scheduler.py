@@ -39,7 +39,7 @@ Take = Callable[[Film], None]
 
 @dataclass
 class RenderState:
-    """All that a render is between two depths.
+    """Holds all the state of a render between two depths.
 
     Attributes
     ----------
@@ -69,26 +69,26 @@ class RenderState:
     stats: Stats
 
     def turn(self) -> None:
-        """Go on to the next depth: the rays that were made are those that wait."""
+        """Go on to the next depth: the rays just made become the waiting ones."""
         self.hits.clear()
         self.waiting, self.following = self.following, self.waiting
         self.queue = self.waiting
 
     def close(self) -> None:
-        """Give back what is on disk."""
+        """Free the disk."""
         for spool in (self.waiting, self.following, self.hits):
             spool.close()
 
 
 class Render:
-    """One view of a scene as it is traced, band by band.
+    """Traces one view of a scene, band by band.
 
     Parameters
     ----------
     tracer : Tracer
     view : View
     stats : Stats
-        What is counted.
+        The counters of the render.
     report : Report
         Called after each pass.
     """
@@ -134,7 +134,7 @@ class Render:
         state.stats.bad_rays = self._tracer.bad
 
     def _one_depth(self) -> None:
-        """Trace the rays that wait, and shade what they hit."""
+        """Trace the waiting rays, and shade their hits."""
         state = self._state
         state.depth += 1
         with state.stats.depth(state.depth) as counters:

@@ -1,7 +1,6 @@
-"""What a caller may set, checked once, where it comes in.
+"""The settings that renders and ray queries share, checked once, where they come in.
 
-`Settings` are those that renders and ray queries share. None of them changes an answer or a
-picture.
+None of them changes an answer or a picture.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from bfrt.workers import usable_threads
 
 @dataclass(frozen=True)
 class Refinement:
-    """One of the paper's refinements, each with those before it.
+    """Describes one of the paper's refinements, which includes those before it.
 
     Attributes
     ----------
@@ -54,7 +53,7 @@ FINEST = "sgb"
 
 @dataclass(frozen=True)
 class Settings:
-    """How a scene is traced: what renders and ray queries have in common.
+    """Holds how a scene is traced: the settings that renders and ray queries have in common.
 
     Attributes
     ----------
@@ -92,7 +91,7 @@ class Settings:
         fresh_marks: bool = False,
         scratch: str | os.PathLike[str] | None = None,
     ) -> Settings:
-        """Check settings as a caller gives them: those of `bfrt.render`.
+        """Check the settings of `bfrt.render` and the queries as a caller gives them.
 
         Raises
         ------
@@ -114,7 +113,7 @@ class Settings:
         )
 
     def scratch_beside(self, path: Path) -> Path:
-        """Return the folder for spools: that which was asked for, else beside a path."""
+        """Return the folder for spools: the one asked for, else one beside a path."""
         return scratch_folder(self.scratch, path)
 
 
@@ -146,7 +145,7 @@ def folder_of(name: str, value: str | os.PathLike[str]) -> Path:
 
 
 def scratch_folder(scratch: str | os.PathLike[str] | None, beside: Path) -> Path:
-    """Return the folder for what does not fit in memory.
+    """Return the folder for temporary files.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class Spool(Protocol):
 
 @dataclass
 class Phase:
-    """One phase's time and traffic."""
+    """Counts one phase's time and traffic."""
 
     seconds: float = 0.0
     bytes_read: int = 0
@@ -55,13 +55,13 @@ class Phase:
             self.seconds += time.perf_counter() - start
 
     def swept(self, scans: Scans) -> None:
-        """Take over what sweeps have read."""
+        """Add the bytes and seeks of sweeps since the last call."""
         read, seeks = scans.counts()
         self.bytes_read += read
         self.seeks += seeks
 
     def spooled(self, spool: Spool) -> None:
-        """Take over what a spool has read and written."""
+        """Add the bytes and seeks of a spool since the last call."""
         read, written, seeks = spool.counts()
         self.bytes_read += read
         self.bytes_written += written
@@ -70,7 +70,7 @@ class Phase:
 
 @dataclass
 class Rays:
-    """Rays sent, by kind, and eye rays that hit."""
+    """Counts the rays sent, by kind, and the eye rays that hit."""
 
     eye: int = 0
     eye_hits: int = 0
@@ -81,7 +81,7 @@ class Rays:
 
 @dataclass
 class Phases:
-    """The four phases."""
+    """Holds the counters of the four phases."""
 
     preprocess: Phase = field(default_factory=Phase)
     traversal: Phase = field(default_factory=Phase)
@@ -91,7 +91,7 @@ class Phases:
 
 @dataclass
 class Counters:
-    """What one depth, or a whole render, has counted."""
+    """Counts what happens in one depth, or in a whole render."""
 
     rays: Rays = field(default_factory=Rays)
     phases: Phases = field(default_factory=Phases)
@@ -104,7 +104,7 @@ class Counters:
     seconds: float = 0.0
 
     def sweep(self, boxes: int, scans: Scans, begins: bool = True) -> None:
-        """Count one pass, or more of one, with so many boxes read, and what geometry was."""
+        """Count a pass, or the rest of one, with the boxes and the geometry that it read."""
         self.passes += begins
         self.boxes_read += boxes
         self.geometry_read += scans.geometry_read()
@@ -122,7 +122,7 @@ class Counters:
 
 @dataclass
 class Stats:
-    """The record of a render."""
+    """Holds the counters of a render, its settings and its memory."""
 
     objects: int
     scene_bytes: int
@@ -137,7 +137,7 @@ class Stats:
 
     @contextmanager
     def depth(self, number: int) -> Iterator[Counters]:
-        """Counters that are added to those of a depth, from 1, and to the total at their end."""
+        """Yield counters, which at their end are added to those of depth `number` and the total."""
         counters = Counters()
         start = time.perf_counter()
         try:
@@ -152,7 +152,7 @@ class Stats:
             self.total.seconds = whole
 
     def as_dict(self) -> dict[str, Any]:
-        """The keys that the documentation lists, ready for JSON."""
+        """Return the counters under the keys that the documentation lists, ready for JSON."""
         return {
             "objects": self.objects,
             "scene_bytes": self.scene_bytes,
@@ -167,7 +167,7 @@ class Stats:
         }
 
     def table(self) -> str:
-        """A table for people: a row a depth, then the phases."""
+        """Return a table for people: a row a depth, then the phases."""
         head = ("depth", "rays", "hits", "shadow", "passes", "box tests", "object tests", "seconds")
         rows = [head]
         for number, depth in enumerate([*self.depths, self.total], 1):
@@ -202,7 +202,7 @@ class Stats:
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> str:
-    """A table of rows of cells, in columns."""
+    """Return rows of cells as a table with aligned columns."""
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
@@ -211,7 +211,7 @@ def aligned(rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def peak_rss() -> int:
-    """The most memory this process has held, bytes.
+    """Return the most memory that this process has held, bytes.
 
     VmHWM where the system has it: ``ru_maxrss`` starts at the parent's.
     """

@@ -22,7 +22,7 @@ from bfrt.workers import Workers
 
 
 class Field:
-    """One group, and the grid that memory has room for.
+    """Traces rays through one group, with the grid that memory has room for.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Field:
     group : Group
     settings : Settings
     limits : Limits
-        What memory holds of a grid.
+        The limits that memory sets to a grid.
     scans : GroupScans
         Its objects.
     workers : Workers
@@ -43,7 +43,7 @@ class Field:
     marks_reused : bool
         Whether marks were there.
     facts : dict
-        What the counters tell of the grid.
+        The grid's entries in the counters.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Field:
 
     @property
     def selective(self) -> bool:
-        """Whether a pass reads only what is near rays."""
+        """Tell whether a pass reads only what is near rays."""
         return self._selection.hierarchy
 
     def preprocess(self, subspace: int, counters: Counters, *, fresh: bool) -> None:
@@ -107,7 +107,7 @@ class Field:
         return writer.marks
 
     def open(self, blocks: int, subspace: int) -> Ground:
-        """Take memory for the grid, with so many lower-level blocks."""
+        """Take memory for the grid, with `blocks` lower-level blocks."""
         marks = open_marks(self._marks_path, self._store, self._layout)
         if marks is None:  # another render has made others since
             marks = self._make(subspace, Counters())

@@ -38,7 +38,7 @@ Tell = Callable[[int], None]
 
 
 class Outcome(NamedTuple):
-    """Where rays come out.
+    """Says where the results of rays go.
 
     Attributes
     ----------
@@ -66,14 +66,14 @@ class Tracer:
     store : Store
     settings : Settings
     capacities : Capacities
-        What the budget is divided into.
+        The capacities that the memory budget gives.
 
     Attributes
     ----------
     fields : list of Field
         The groups, each with its grid.
     prepared : Counters
-        What it took to make all this ready, marks above all.
+        The time and traffic of making all this ready, marks above all.
     """
 
     def __init__(self, store: Store, settings: Settings, capacities: Capacities) -> None:
@@ -107,16 +107,16 @@ class Tracer:
 
     @property
     def scans(self) -> list[GroupScans]:
-        """The objects of each group."""
+        """Return the objects of each group."""
         return [field.scans for field in self.fields]
 
     @property
     def bad(self) -> int:
-        """Rays so far that were NaN or had no direction."""
+        """Return the number of rays so far that were NaN or had no direction."""
         return self._flight.bad
 
     def serves(self, settings: Settings) -> bool:
-        """Whether it does as asked: a process that was forked has none of its threads."""
+        """Tell whether it works with these settings here: a forked process lacks its threads."""
         return self.settings == settings and self._process == os.getpid()
 
     def __enter__(self) -> Tracer:
@@ -126,14 +126,14 @@ class Tracer:
         self.close()
 
     def close(self) -> None:
-        """End the threads, close the files, and give back what is on disk."""
+        """End the threads, close the files, and free the disk."""
         self._leave()
         for spool in self._between:
             spool.close()
         self.workers.close()
 
     def begin(self, stats: Stats) -> None:
-        """Tell a record of what was prepared; a second one, that all was there."""
+        """Add the work of preparing to a record of counters; a second one gets none of it."""
         stats.marks_reused = all(field.marks_reused for field in self.fields)
         stats.grids.extend(field.facts for field in self.fields)
         stats.total.add(self.prepared)
@@ -172,7 +172,7 @@ class Tracer:
 
 
 class Passage:
-    """The way of a queue of rays through the groups: the paper's ``intersection()``.
+    """Takes a queue of rays through the groups: the paper's ``intersection()``.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a picture is of, and how it is sampled."""
+"""The view that a picture shows, and its sampling."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DEPTH = 5
 
 @dataclass(frozen=True)
 class View:
-    """A view of a scene: what changes the picture.
+    """Describes a view of a scene: what changes the picture.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class View:
         depth: int,
         aovs: Sequence[str],
     ) -> View:
-        """Check what a caller asks of a picture: as for `bfrt.render`.
+        """Check the view that a caller asks for, as in `bfrt.render`.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class View:
 
     @property
     def frame(self) -> FrameSize:
-        """The size of its frame."""
+        """Return the size of the view's frame."""
         return FrameSize(*self.camera.resolution, self.samples, self.aovs)
 
     def sized(self, resolution: tuple[int, int] | None) -> View:
@@ -85,7 +85,7 @@ class View:
 
 
 def aovs_of(names: Sequence[str]) -> tuple[str, ...]:
-    """Return those of `records.ON_REQUEST` that are named, in its order.
+    """Return the named channels of `records.ON_REQUEST`, in its order.
 
     Raises
     ------

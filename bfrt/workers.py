@@ -44,12 +44,12 @@ CHUNKS_EACH = 8
 
 
 def chunk_of(count: int, threads: int, smallest: int, largest: int) -> int:
-    """How many of a count a worker takes at once."""
+    """Return how many of a count a worker takes at once."""
     return max(smallest, min(largest, -(-count // (threads * CHUNKS_EACH))))
 
 
 class Workers:
-    """`threads` workers. The loops they run release the GIL.
+    """Runs loops that release the GIL on `threads` threads.
 
     Chunks are handed out in ascending order, so that each worker reads its files forwards.
     """
@@ -105,7 +105,7 @@ class Workers:
         self._each(once, alone=False)
 
     def _each(self, loop: Loop, *, alone: bool) -> None:
-        """Have all workers, or one, run a loop that ends when it is told to stop."""
+        """Run a loop, which ends when it is told to stop, on all workers or on one."""
         stop = threading.Event()
         failures: list[BaseException] = []
 
@@ -138,12 +138,12 @@ WAITING = 2
 
 
 def ahead(make: Callable[[Given], Made], given: Iterable[Given], threads: int) -> Iterator[Made]:
-    """``map(make, given)``, with `threads` that work ahead; results come in order.
+    """Yield ``map(make, given)`` in order, with `threads` threads that work ahead.
 
     Raises
     ------
     Exception
-        What `make` raised, in its turn; no new work is begun after it.
+        The exception that `make` raised, in its turn; no new work is begun after it.
     """
     with ThreadPoolExecutor(threads, "bfrt-ahead") as pool:
         pending: deque[Future[Made]] = deque()
@@ -160,7 +160,7 @@ def ahead(make: Callable[[Given], Made], given: Iterable[Given], threads: int) -
 
 
 def usable_threads() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,1 +1,13 @@
-"""Other people's files: one reader a format, all streaming."""
+"""Readers of scene files, one a format; each streams its file into a scene writer.
+
+::
+
+    nff ─────────────────────────────────────────────────────────────────────► SceneSink
+    stl ───────────────────────────────► triangles ──────────────► Outlet ──────►│
+    ply, obj ──────────────────────────► Mesh ─► mesh: joined ────►│  ▲
+    npy, hdf5 ─► named arrays (table) ─► arrays ─► Mesh, Points ──►│  │
+    las, laz ──────────────────────────► Points ─► points ────────►┘  │
+    ply, obj without faces ────────────► Points              colors, triangulation
+
+`bfrt.formats.source` reads the bytes and words the errors; ``_x.pyx`` has the loop of ``x.py``.
+"""

@@ -60,7 +60,7 @@ cdef inline Facing facing_of(const number[:, ::1] corners, Py_ssize_t first,
 
 
 cdef inline bint has_plane(const Facing* f) noexcept nogil:
-    """False where all that a face encloses cancels out, as in a bow tie."""
+    """Tell whether a face has a plane: not where its area cancels out, as in a bow tie."""
     return largest(f.normal) > ROUNDED * f.sum
 
 
@@ -74,7 +74,7 @@ def bent(const number[:, ::1] corners, const uint32_t[::1] counts, double part, 
     Parameters
     ----------
     corners : (m, 3) float32 or float64
-        Of all faces, one after the other.
+        The corners of all faces, one face after the other.
     counts : (n,) uint32
         Corners of each.
     part : float
@@ -86,7 +86,7 @@ def bent(const number[:, ::1] corners, const uint32_t[::1] counts, double part, 
     Returns
     -------
     (n,) bool
-        What has no plane counts as flat.
+        A face without a plane counts as flat.
     """
     cdef Py_ssize_t face, first = 0
     cdef uint8_t[::1] out
@@ -102,7 +102,7 @@ def bent(const number[:, ::1] corners, const uint32_t[::1] counts, double part, 
 
 cdef inline bint is_level(const number[:, ::1] corners, Py_ssize_t first,
                           double rounding) noexcept nogil:
-    """Whether a quadrilateral is as flat as its first corner is rounded, which most are.
+    """Tell whether a quadrilateral is as flat as its first corner is rounded, which most are.
 
     Its normal is square to both diagonals, so that each corner is as far off as any other.
     """
@@ -180,7 +180,7 @@ cdef inline Cut cut_one(const number[:, ::1] corners, Py_ssize_t first, uint32_t
 
 cdef inline void put_fan(Py_ssize_t first, uint32_t count, uint32_t hub,
                          int64_t* out) noexcept nogil:
-    """Triangles around one of the corners."""
+    """Write the triangles of a face that is a fan around its corner `hub`."""
     cdef uint32_t i
     for i in range(hub + 1, hub + count - 1):
         out[0] = first + hub
@@ -190,7 +190,7 @@ cdef inline void put_fan(Py_ssize_t first, uint32_t count, uint32_t hub,
 
 
 cdef inline double area(Vec a, Vec b, Vec c, Vec normal) noexcept nogil:
-    """Of a triangle, as seen along a normal; in units of its length, and doubled."""
+    """Return twice a triangle's area as seen along a normal, times the normal's length."""
     return dot(cross(sub(b, a), sub(c, a)), normal)
 
 
@@ -214,7 +214,7 @@ cdef Cut cut_four(const number[:, ::1] corners, Py_ssize_t first, Vec normal,
 
 cdef bint is_fan(const number[:, ::1] corners, Py_ssize_t first, uint32_t count,
                  Vec normal) noexcept nogil:
-    """Whether the corners go round the first, always on, by half a turn at the most."""
+    """Tell whether the corners turn around the first in one direction, by half a turn at most."""
     cdef Vec a = at(corners, first)
     cdef Vec b = at(corners, first + 1)
     cdef Vec c, last = b
@@ -229,7 +229,7 @@ cdef bint is_fan(const number[:, ::1] corners, Py_ssize_t first, uint32_t count,
 
 cdef void look_along(const number[:, ::1] corners, Py_ssize_t first, uint32_t count,
                      double[:, ::1] outlines) noexcept nogil:
-    """Put a face onto its plane, of which the two axes are seen that it shows best."""
+    """Project a face onto its plane, seen along the axis that is steepest to the plane."""
     cdef Vec n = unit(facing_of(corners, first, count).normal)
     cdef Vec a = at(corners, first)
     cdef Vec v

@@ -116,7 +116,7 @@ cdef struct Block:
 
 @cython.final
 cdef class Parser(Tokens):
-    """NFF text in, events and blocks of records out.
+    """Parses NFF text into events and blocks of records.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ cdef class Parser(Tokens):
             self.paints += 1
 
     cdef bint paint_again(self) noexcept nogil:
-        """Whether the material is one of the last few, whose index then is known."""
+        """Take the index of the material if it is one of the last few; tell whether it is."""
         cdef int i
         for i in range(min(self.paints, RECENT)):
             if memcmp(&self.recent[i][0], self.value, 8 * sizeof(double)) == 0:
@@ -257,14 +257,14 @@ cdef class Parser(Tokens):
         return False
 
     def take(self, kind):
-        """The block of a kind, (records, materials), which the next ``advance`` overwrites."""
+        """Return a kind's block, (records, materials), which the next ``advance`` overwrites."""
         cdef Block *block = &self.blocks[<int>kind]
         cdef Py_ssize_t count = block.count
         block.count = 0
         return self.record_owners[kind][:count], self.material_owners[kind][:count]
 
     def take_polygons(self):
-        """The block of polygons: (vertices, counts, materials)."""
+        """Return the block of polygons: (vertices, counts, materials)."""
         cdef Block *block = &self.blocks[POLYGONS]
         cdef Py_ssize_t count = block.count
         cdef Py_ssize_t vertices = self.vertices
@@ -277,21 +277,21 @@ cdef class Parser(Tokens):
 
     @property
     def values(self):
-        """The numbers of the entity that the last event is about."""
+        """Return the numbers of the entity that the last event is about."""
         return tuple([self.value[i] for i in range(self.have)])
 
     @property
     def view(self):
-        """From, at, up, angle, hither, resolution: 13 numbers."""
+        """Return the view's 13 numbers: from, at, up, angle, hither, resolution."""
         return tuple([self.view_values[i] for i in range(13)])
 
     @property
     def awaits_number(self):
-        """Whether a number of `entity` is due, `have` of which are there, or else a keyword."""
+        """Tell whether a number of `entity` comes next, after `have` others, or else a keyword."""
         return self.need > 0
 
     def _grow(self):
-        """Double the room for vertices: only data that are there make it grow."""
+        """Double the room for vertices, which grows only with vertices that the file contains."""
         cdef double[:, ::1] records
         wider = np.empty((2 * self.vertex_capacity, 3))
         wider[:self.vertices] = self.record_owners[POLYGONS][:self.vertices]
@@ -313,11 +313,11 @@ cdef class Parser(Tokens):
         return FAULT
 
     cdef int answer(self, int status) noexcept nogil:
-        """The event for a token that was not FOUND."""
+        """Return the event for a token that was not FOUND."""
         return HUNGRY if status == STARVED else self.fail(status)
 
     cdef int run_dry(self, int fault) noexcept nogil:
-        """The event for a text that has no more tokens where one is due."""
+        """Return the event for a text that ends where a token is due."""
         cdef unsigned char before = (self.text.at - 1)[0]
         if not self.text.ended:
             return HUNGRY
@@ -356,7 +356,7 @@ cdef class Parser(Tokens):
         return self.commit()
 
     cdef int commit(self) noexcept nogil:
-        """All numbers of an entity are here: put them where they belong."""
+        """Store an entity whose numbers are complete."""
         if self.entity == SPHERE:
             return self.append(SPHERES, self.value)
         if self.entity == CONE:
@@ -433,7 +433,7 @@ cdef class Parser(Tokens):
         return FULL
 
     cdef int add_corner(self) noexcept nogil:
-        """From the third corner on, each makes a patch with the first and the one before it."""
+        """Add a corner; from the third on it makes a patch with the first and the previous one."""
         cdef double record[18]
         cdef int event = GO_ON
         cdef int i
@@ -481,7 +481,7 @@ cdef class Parser(Tokens):
         return DONE
 
     cdef int end_light(self) noexcept nogil:
-        """A number behind a light's position is its color; anything else ends the light."""
+        """End a light's position; a number that follows is its color."""
         cdef unsigned char byte = self.text.token[0]
         self.in_light = False
         if 48 <= byte <= 57 or byte == PLUS or byte == MINUS or byte == POINT:
@@ -495,7 +495,7 @@ cdef class Parser(Tokens):
         return CAMERA
 
     cdef int view_field(self) noexcept nogil:
-        """Which field of the view the token names; -1 if none."""
+        """Return the index of the view's field that the token names; -1 if none."""
         cdef int field
         for field in range(6):
             if (

@@ -156,7 +156,7 @@ cdef class Lines(Tokens):
         return at < self.text.end and not is_end(at[0]) and at[0] != HASH
 
     cdef unsigned char *next_line(self, unsigned char *at) noexcept nogil:
-        """Past a backslash and the line's end behind it, where the line goes on."""
+        """Return the address behind a backslash and a line's end, where the line continues."""
         self.text.line += 1
         return at + (3 if at[1] == RETURN and at[2] == NEWLINE else 2)
 
@@ -194,7 +194,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef int read_vertex(self) except -1 nogil:
-        """x y z, and a color or -1; a weight or what is behind a color is passed over."""
+        """Read x y z, and a color or -1; pass over a weight and what follows a color."""
         cdef double values[COLUMNS]
         cdef int count = 0
         cdef int i
@@ -220,7 +220,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef int read_value(self, double *out) except -1 nogil:
-        """A number, which a backslash may follow without a blank."""
+        """Read a number, which a backslash may follow without a blank."""
         cdef int status = read_any_number(&self.text, out)
         cdef unsigned char *last
         if status != FOUND and self.goes_on():
@@ -231,7 +231,7 @@ cdef class Lines(Tokens):
         return status
 
     cdef bint goes_on(self) noexcept nogil:
-        """Whether the token ends with a backslash behind which the line goes on."""
+        """Tell whether the token ends with a backslash, so that the line continues."""
         cdef unsigned char *end = self.text.token + self.text.length
         return self.text.length > 1 and (end - 1)[0] == BACKSLASH and is_end(end[0])
 
@@ -255,7 +255,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef bint read_corner(self, int64_t *index) noexcept nogil:
-        """A vertex's number, and what a slash parts from it: texture and normal are not kept."""
+        """Read a vertex's index; pass over the texture and the normal that slashes part from it."""
         cdef Py_ssize_t i = 0
         cdef int64_t value = 0
         cdef bint minus
@@ -284,7 +284,7 @@ cdef class Lines(Tokens):
         return True
 
     cdef int keep_material(self) except -1 nogil:
-        """Keep what tells of materials."""
+        """Keep a statement about materials: usemtl or mtllib."""
         if self.text.at[0] != b"u" and self.text.at[0] != b"m":
             return 0
         measure(&self.text)
@@ -294,7 +294,7 @@ cdef class Lines(Tokens):
         return 0
 
     cdef int note_statement(self) except -1 nogil:
-        """Count what is known, and what nobody knows, which is binary if a NUL is in its line."""
+        """Count a statement that is known, or unknown; one with a NUL in its line is binary."""
         cdef int i
         cdef unsigned char *begin = self.text.at
         measure(&self.text)

@@ -57,7 +57,7 @@ cdef inline void reverse(unsigned char *bytes, int size) noexcept nogil:
 
 
 cdef inline double value_of(const unsigned char *at, int kind, bint swapped) noexcept nogil:
-    """A value, as a double, which holds each exactly but for 64-bit integers beyond 2^53."""
+    """Return a value as a double, which is exact but for 64-bit integers beyond 2^53."""
     cdef unsigned char bytes[8]
     memcpy(bytes, at, SIZES[kind])
     if swapped:
@@ -99,7 +99,7 @@ cdef class Rows(Tokens):
     Parameters
     ----------
     rows : int
-        How many there are.
+        Number of rows.
     kinds, counts : sequence of int
         The type of each property, and that of its list's count; -1 where it is no list.
     columns : sequence of int
@@ -114,7 +114,7 @@ cdef class Rows(Tokens):
     Attributes
     ----------
     row : int
-        That comes next, or is bad.
+        The row that comes next, or is bad.
     found : float
         The count or index that is bad.
     """
@@ -233,7 +233,7 @@ cdef class Rows(Tokens):
         )
 
     cdef int run(self) except -1 nogil:
-        """Rows, as far as the chunk and the element go."""
+        """Read rows to the end of the chunk or of the element."""
         cdef int status = GOT
         while self.row < self.rows and status == GOT:
             if self.bare and self.left < 0:
@@ -301,11 +301,11 @@ cdef class Rows(Tokens):
         return GOT
 
     cdef bint is_plain(self, int kind) noexcept nogil:
-        """Whether what is left of the list is there, as this machine has its integers."""
+        """Tell whether the rest of the list is in the chunk, as integers in this machine's form."""
         return self.as_is and kind == INT32 and self.end - self.at >= 4 * self.left
 
     cdef void take_bare(self) noexcept nogil:
-        """The rows of nearly all files, as far as they are there whole."""
+        """Read whole rows that are one index list and nothing else, as in nearly all files."""
         cdef const unsigned char *at = self.at
         cdef int64_t *out = self.out_items + self.items
         cdef uint32_t *counts = self.out_counts + self.faces
@@ -326,7 +326,7 @@ cdef class Rows(Tokens):
         self.row += taken
 
     cdef void take_plain(self) noexcept nogil:
-        """A face at a time."""
+        """Copy the rest of a face's indices at once."""
         widen(self.at, self.left, self.out_items + self.items)
         self.at += 4 * self.left
         self.items += self.left
@@ -334,7 +334,7 @@ cdef class Rows(Tokens):
         self.left = 0
 
     cdef int take(self, int64_t index) noexcept nogil:
-        """A corner of a face, or the next of a strip: every other triangle of it turns round."""
+        """Add a corner of a face, or of a strip, of which every other triangle turns round."""
         cdef int64_t *out = self.out_items + self.items
         if not self.strips:
             out[0] = index
@@ -357,7 +357,7 @@ cdef class Rows(Tokens):
         return GOT
 
     cdef inline int next(self, int kind, double *out) except -1 nogil:
-        """The next value."""
+        """Read the next value."""
         if self.text_form:
             if not find_token(&self.text):
                 self.text.length = 0

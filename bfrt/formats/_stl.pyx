@@ -50,12 +50,12 @@ cdef class Facets(Tokens):
 
     @property
     def complete(self):
-        """Whether the text may end here."""
+        """Tell whether the text may end here."""
         return self.step == 0
 
     @property
     def expected(self):
-        """What comes next."""
+        """Return the word or thing that the grammar expects next."""
         if self.step == 0:
             return "solid, facet or endsolid"
         return "a number" if FACET[self.step] == NULL else FACET[self.step][self.ended:].decode()
@@ -102,7 +102,7 @@ cdef class Facets(Tokens):
         return count
 
     cdef bint pass_word(self) noexcept nogil:
-        """Pass over the word that is due, or over what may be before it."""
+        """Pass over the word that is due, or over text that may precede it."""
         measure(&self.text)
         if self.is_word(FACET[self.step] + self.ended):
             consume(&self.text)
@@ -120,7 +120,7 @@ cdef class Facets(Tokens):
         return True
 
     cdef bint is_of_solid(self) noexcept nogil:
-        """Whether the token begins or ends a solid, whose name goes to the line's end."""
+        """Tell whether the token begins or ends a solid, whose name goes to the line's end."""
         return self.is_word(b"solid") or self.is_word(b"endsolid") or self.is_word(b"end")
 
     cdef void pass_line(self) noexcept nogil:
@@ -130,7 +130,7 @@ cdef class Facets(Tokens):
         pass_blanks(&self.text)
 
     cdef bint is_word(self, const char *word) noexcept nogil:
-        """Whether the token is a word, in any case."""
+        """Tell whether the token is a word, in any case."""
         cdef Py_ssize_t i
         if self.text.length != <Py_ssize_t>strlen(word):
             return False

@@ -54,14 +54,14 @@ BLOCK_BYTES = 8 << 20
 
 
 def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
-    """Write what arrays with names hold.
+    """Write a scene made of named arrays: triangles, a mesh, or points.
 
     Raises
     ------
     SceneError
         If no names or shapes are known.
     SettingError
-        If a setting names what is not there.
+        If a setting names an array that is missing.
     """
     reading = outlet.reading
     points = reading.positions is not None
@@ -75,7 +75,7 @@ def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
 
 
 def write_triangles(arrays: Arrays, key: str, outlet: Outlet) -> None:
-    """Triangles as they are, painted by a column of as many."""
+    """Write triangles (n, 3, 3) or (n, 9), painted by a column of one value a triangle."""
     reading, triangles = outlet.reading, arrays[key]
     reading.refuse_all_but(outlet.name, *PAINTED)
     if triangles.shape[1:] not in ((3, 3), (9,)):
@@ -89,7 +89,7 @@ def write_triangles(arrays: Arrays, key: str, outlet: Outlet) -> None:
 
 
 class ArrayPoints:
-    """Positions with columns beside: `bfrt.formats.points.Points`."""
+    """Reads positions with columns beside them: a `bfrt.formats.points.Points`."""
 
     def __init__(self, file: str, arrays: Arrays, reading: Reading) -> None:
         self.name = file
@@ -111,7 +111,7 @@ class ArrayPoints:
     def _find_radii(
         self, arrays: Arrays, reading: Reading, centers: str, count: int
     ) -> Array | None:
-        """The radii's array, unless positions have a fourth column or one number is given."""
+        """Find the array of radii; None where positions have a fourth column or one is given."""
         if isinstance(reading.radius, str):
             key = named(arrays, reading.radius, self.name, "radius", centers)
             return column_of(arrays[key], count)
@@ -132,7 +132,7 @@ class ArrayPoints:
 
 
 class ArrayMesh:
-    """Vertices and faces: `bfrt.formats.mesh.Mesh`."""
+    """Reads arrays of vertices and faces: a `bfrt.formats.mesh.Mesh`."""
 
     def __init__(
         self, file: str, arrays: Arrays, reading: Reading, vertices: str, faces: str
@@ -178,7 +178,7 @@ class ArrayMesh:
 
 
 def painting(arrays: Arrays, reading: Reading, file: str, near: str, *counts: int) -> Rows | None:
-    """The array that colors are made of, with a row for each of so many things.
+    """Find the array that colors are made from, whose length is one of `counts`.
 
     It is in the folder of the array `near`, or has its whole name.
     """
@@ -193,7 +193,7 @@ def painting(arrays: Arrays, reading: Reading, file: str, near: str, *counts: in
 
 
 class Scaled:
-    """Colors from 0 to 1, of whole numbers or of floats."""
+    """Scales colors, whole numbers or floats, to 0 to 1."""
 
     def __init__(self, array: Rows) -> None:
         self.name, self.shape, self._array = array.name, array.shape, array
@@ -206,7 +206,7 @@ class Scaled:
 
 
 def column_of(array: Array, *counts: int) -> Array:
-    """The array, if it is a column of numbers for as many things.
+    """Return the array as a column of numbers whose length is one of `counts`.
 
     Raises
     ------
@@ -220,17 +220,17 @@ def column_of(array: Array, *counts: int) -> Array:
 
 
 def either(counts: tuple[int, ...]) -> str:
-    """Counts as an error shows them."""
+    """Return counts in words, for an error."""
     return " or ".join(map(str, counts))
 
 
 def numbers(column: Rows | None) -> Iterator[NDArray[Any]]:
-    """What a map's range is taken from."""
+    """Return the numbers from which a color map takes its range, block by block."""
     return iter(()) if column is None else column.blocks(BLOCK)
 
 
 def together(first: Rows, *others: Rows | None) -> Iterator[tuple[Any, ...]]:
-    """The rows of arrays of one length, block by block; None for what is not there."""
+    """Yield the rows of arrays of one length, block by block; None for an array that is missing."""
     there = [first, *(other for other in others if other is not None)]
     widest = max(math.prod(array.shape[1:]) * array.dtype.itemsize for array in there)
     rows = min(BLOCK, max(1, BLOCK_BYTES // max(1, widest)))

@@ -31,13 +31,13 @@ NO_VALUE = (0.5, 0.5, 0.5)
 
 
 class Materials(Protocol):
-    """What gives materials their indices."""
+    """Gives materials their indices."""
 
     def material(self, material: Material, /) -> int: ...
 
 
 def cubehelix(t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Green's helix through the color cube, from black to white with rising luminance.
+    """Compute the cubehelix map: from black to white with rising luminance.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def cubehelix(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def colormap(name: str) -> NDArray[np.float64]:
-    """The `STEPS` colors of a map, (STEPS, 3), sRGB from 0 to 1.
+    """Return the `STEPS` colors of a map, (STEPS, 3), sRGB from 0 to 1.
 
     Raises
     ------
@@ -90,18 +90,18 @@ def colormap(name: str) -> NDArray[np.float64]:
 
 
 def linear(color: NDArray[np.float64]) -> NDArray[np.float64]:
-    """sRGB as light: IEC 61966-2-1, so that a PNG shows the color again where light is full."""
+    """Convert sRGB to linear light (IEC 61966-2-1), so that a PNG of full light shows the color."""
     low = color / 12.92
     return np.where(color <= 0.04045, low, ((color + 0.055) / 1.055) ** 2.4)
 
 
 class Painter:
-    """Materials for objects, by their numbers or by their colors.
+    """Gives objects materials by their numbers or by their colors.
 
     Parameters
     ----------
     sink
-        What gives materials their indices.
+        The sink that gives materials their indices.
     reading : Reading
     values : iterable of ndarray
         All numbers, block by block, to find their range; not looked at where it is given.
@@ -127,7 +127,7 @@ class Painter:
         return self._sink.material(Material((red, green, blue)))
 
     def paint(self, values: NDArray[Any]) -> NDArray[np.uint32]:
-        """The materials of objects: of numbers (n,), or of colors (n, 3), sRGB from 0 to 1."""
+        """Return the materials of objects: of numbers (n,), or of colors (n, 3), sRGB 0 to 1."""
         return self._by_color(values) if self._own_colors else self._by_number(values)
 
     def _by_number(self, values: NDArray[Any]) -> NDArray[np.uint32]:
@@ -152,7 +152,7 @@ class Painter:
 
 
 def full_of(name: str, dtype: np.dtype[Any], blocks: Iterable[NDArray[Any]]) -> float:
-    """What full color is, of a file's own colors.
+    """Return the value that means full color in a file's own colors.
 
     1 for floats and 255 for bytes. Whole numbers of more bits may be of 8 or of 16: the greatest
     tells, which costs a pass over them, that ends where 16 bits are sure.
@@ -183,7 +183,7 @@ def full_of(name: str, dtype: np.dtype[Any], blocks: Iterable[NDArray[Any]]) -> 
 
 
 def value_range(values: Iterable[NDArray[Any]], name: str) -> tuple[float, float]:
-    """The least and the greatest of all finite numbers.
+    """Find the least and the greatest of all finite numbers.
 
     Raises
     ------

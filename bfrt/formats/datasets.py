@@ -26,12 +26,12 @@ from bfrt.formats.trial import may_be_virtual, try_file
 
 
 def failure(source: Source, error: Exception, expected: str, place: str = "") -> BfrtError:
-    """What to raise for an error of HDF5: the system's, where that is why."""
+    """Return the exception for an error of HDF5: the system's refusal, where one caused it."""
     return refusal_of(error) or source.failure(error, expected, place)
 
 
 class Dataset:
-    """A dataset as `bfrt.formats.table.Array`.
+    """Reads an HDF5 dataset: a `bfrt.formats.table.Array`.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Dataset:
     origins : Origins
         The files that it is made of.
     frame : int, optional
-        Of the first dimension, which is then none.
+        A frame along the first dimension, which the array then does not have.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Dataset:
         self.shape = shape if frame is None else shape[1:]
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        """All rows, `rows` at a time."""
+        """Yield all rows, `rows` at a time."""
         for first in range(0, self.shape[0], rows):
             part = slice(first, first + rows)
             try:
@@ -86,14 +86,14 @@ class Dataset:
             yield block
 
     def shallow(self) -> Dataset:
-        """The last frame: of (frames, n, 3) the (n, 3)."""
+        """Return the last frame of (frames, n, 3), as (n, 3)."""
         if not self.shape[0]:
             raise SceneError(f"{self.name}: found no frames, expected one or more")
         last = self._dataset.shape[0] - 1
         return Dataset(self._source, self._path, self._dataset, self._origins, last)
 
     def _check_filters(self) -> None:
-        """Name the filter that is why rows cannot be read."""
+        """Raise an error that names a missing filter, where rows cannot be read for lack of it."""
         plist = self._dataset.id.get_create_plist()
         for k in range(plist.get_nfilters()):
             number, _, _, name = plist.get_filter(k)
@@ -106,7 +106,7 @@ class Dataset:
 
 
 class Datasets(Mapping[str, Array]):
-    """The arrays of a file: its datasets, and the fields of those that have any.
+    """Maps paths to the arrays of a file: its datasets, and the fields of their records.
 
     Listed is each dataset once, by hard links as HDF5 visits them, then what only soft and external
     links lead to, and links that lead nowhere; any other path that leads to one may be asked for.
@@ -174,7 +174,7 @@ class Datasets(Mapping[str, Array]):
         return Field(array, path) if path else array
 
     def _list(self) -> None:
-        """Find the names of all datasets: what only links lead to comes last."""
+        """Find the names of all datasets; datasets that only links lead to come last."""
         seen: set[tuple[int, int]] = set()
         files: dict[int, Any] = {}  # open, so that one that is linked twice is the same
         hard = [""]
@@ -197,7 +197,7 @@ class Datasets(Mapping[str, Array]):
                 self._listed.update(dict.fromkeys(names_of(path, thing)))
 
     def _is_unclear(self, group: Any, inner: list[str], outer: list[str]) -> bool:
-        """Whether a group's links may lead to a virtual dataset, here or in another file."""
+        """Tell whether a group's links may lead to a virtual dataset, here or in another file."""
         if any(group.links.get_info(os.fsencode(name)).type != h5l.TYPE_SOFT for name in outer):
             return True
         plist = self._file.id.get_create_plist()
@@ -210,7 +210,7 @@ class Datasets(Mapping[str, Array]):
         )
 
     def _opened(self, path: str, follows: bool) -> Any:
-        """What is at a path, or None where a link to follow leads nowhere."""
+        """Open the object at a path; None where a link to follow leads nowhere."""
         try:
             return h5o.open(self._file.id, os.fsencode(path or "/"))
         except Exception:  # of every kind
@@ -219,7 +219,7 @@ class Datasets(Mapping[str, Array]):
             raise
 
     def _found(self, name: str) -> tuple[Any, Path] | None:
-        """The dataset that a path leads to, and the way on to a field of it.
+        """Find the dataset at a path, and the way on to a field of it.
 
         Raises
         ------
@@ -233,7 +233,7 @@ class Datasets(Mapping[str, Array]):
             raise failure(self._source, error, expected, place) from error
 
     def _followed(self, parts: list[str]) -> tuple[Any, Path] | None:
-        """The same, of a path that is cut at its slashes."""
+        """Find the dataset at a path cut at its slashes, and the way on to a field of it."""
         at = h5o.open(self._file.id, b"/")
         for k, part in enumerate(parts):
             if isinstance(at, h5d.DatasetID):
@@ -247,7 +247,7 @@ class Datasets(Mapping[str, Array]):
         return (at, ()) if isinstance(at, h5d.DatasetID) else None
 
     def _step(self, group: Any, name: bytes, path: str) -> Any:
-        """What a group has by a name."""
+        """Open the member of a group by its name."""
         try:
             return h5o.open(group, name)
         except Exception as error:
@@ -260,7 +260,7 @@ class Datasets(Mapping[str, Array]):
 
 
 def target_of(link: bytes | tuple[bytes, bytes]) -> str:
-    """Where a soft or an external link leads, as an error shows it."""
+    """Return the target of a soft or an external link, for an error."""
     if isinstance(link, tuple):
         file, path = map(os.fsdecode, link)
         return f"{path!r} in the file {file!r}"
@@ -268,13 +268,13 @@ def target_of(link: bytes | tuple[bytes, bytes]) -> str:
 
 
 def field_at(dataset: Any, name: str) -> tuple[Any, Path] | None:
-    """A dataset and the way to a field of it, if it has one of that name."""
+    """Return a dataset and the way to its field of this name, if it has one."""
     fields = {"/".join(path): path for path in fields_of(dataset)}
     return (dataset, fields[name]) if name in fields else None
 
 
 def fields_of(dataset: Any) -> list[Path]:
-    """The fields of a dataset's records; none where they are numbers, or of an unknown type."""
+    """Return the fields of a dataset's records; none for plain numbers and unknown types."""
     try:
         return paths_of(dataset.dtype)
     except Exception:  # it may be in nobody's way
@@ -282,7 +282,7 @@ def fields_of(dataset: Any) -> list[Path]:
 
 
 def links_of(thing: Any) -> tuple[list[str], list[str]]:
-    """The names of a group's hard links, and of all others; none of what is no group."""
+    """Return the names of a group's hard links, and of all others; none for what is no group."""
     inner: list[str] = []
     outer: list[str] = []
     for name in thing if isinstance(thing, h5g.GroupID) else ():
@@ -292,7 +292,7 @@ def links_of(thing: Any) -> tuple[list[str], list[str]]:
 
 
 def names_of(path: str, thing: Any) -> list[str]:
-    """The names of the arrays that a dataset is: its own, or those of its fields.
+    """Return the names of a dataset's arrays: its own, or one for each field.
 
     A virtual one is not asked for its shape, for which HDF5 might look into other files.
     """

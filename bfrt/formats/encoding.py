@@ -21,7 +21,7 @@ MARK_BYTES = max(map(len, MARKS))
 
 
 def mark_of(head: bytes) -> bytes:
-    """The mark that a text begins with, empty where it has none."""
+    """Return the byte order mark that a text begins with, empty if none."""
     return next((mark for mark in MARKS if head.startswith(mark)), b"")
 
 
@@ -31,7 +31,7 @@ class Decoder:
     Parameters
     ----------
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     """
 
     def __init__(self, name: str) -> None:
@@ -41,7 +41,7 @@ class Decoder:
         self._units: codecs.IncrementalDecoder | None = None
 
     def decode(self, piece: bytes, *, final: bool) -> bytes:
-        """The text of a piece, as far as it is complete.
+        """Decode a piece of text as far as it is complete.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class Decoder:
         return piece if self._units is None else self._transcoded(piece, final=final)
 
     def _begin(self, head: bytes) -> bytes:
-        """Choose how to go on; returns what is behind the mark."""
+        """Choose the encoding by the mark; return the bytes behind it."""
         self._held = None
         mark = mark_of(head)
         if MARKS.get(mark, "utf-8") != "utf-8":

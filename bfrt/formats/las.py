@@ -18,7 +18,7 @@ from bfrt.formats.source import Report, Source, printable
 
 
 class Scan:
-    """A scan's points: `bfrt.formats.points.Points`."""
+    """Reads the points of a LAS or LAZ scan: a `bfrt.formats.points.Points`."""
 
     def __init__(self, source: Source, laspy: Any, reading: Reading) -> None:
         self.name = source.name
@@ -50,7 +50,7 @@ class Scan:
             return file
 
     def _chunks(self) -> Iterator[Any]:
-        """All points, a chunk at a time, as many as the header says."""
+        """Yield all points in chunks, as many as the header says."""
         done = 0
         with self._opened() as file:
             promised = file.header.point_count

@@ -1,4 +1,4 @@
-"""What is to be known of a LAS or LAZ file before laspy and lazrs may have it.
+"""Checks of a LAS or LAZ file before laspy and lazrs read it.
 
 They believe a header's counts: laspy makes four billion records of nothing, and lazrs, which asks
 for memory by such a count and gets none, ends the process. Where lazrs is surprised it writes so to
@@ -62,7 +62,7 @@ def asking(source: Source, expected: str, place: str = "") -> Iterator[None]:
 
 
 class LasSource(Source):
-    """A LAS file as laspy may read it.
+    """Presents a LAS file to laspy with only what points need.
 
     Records that laspy need not know it passes over, whatever is in them, for here they are
     nobody's; and text is what Python takes for text.
@@ -84,7 +84,7 @@ class LasSource(Source):
             raise
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill a buffer as far as the file goes; returns the bytes."""
+        """Fill a buffer as far as the file goes; return the bytes."""
         start = self.at
         done = super().read_into(buffer)
         if start < self._points:
@@ -125,7 +125,7 @@ class LasSource(Source):
 
 
 def readable(text: bytes) -> bytes:
-    """The text as it is where it is UTF-8, else with marks for what is not ASCII."""
+    """Return UTF-8 text unchanged, and other text with question marks for non-ASCII bytes."""
     try:
         text.decode()
     except UnicodeDecodeError:
@@ -134,7 +134,7 @@ def readable(text: bytes) -> bytes:
 
 
 def backend_for(source: Source, header: Any, backends: Any) -> Any:
-    """What may decompress a file's points: many threads where its chunks are no larger than usual.
+    """Choose the decompressor of a file's points: parallel where chunks are of the usual size.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def backend_for(source: Source, header: Any, backends: Any) -> Any:
 
 
 def check_items(name: str, record: bytes, point: int) -> None:
-    """Refuse what points are made of where it has not the bytes that a point has.
+    """Refuse a list of point items whose sizes do not add up to the size of a point.
 
     Raises
     ------

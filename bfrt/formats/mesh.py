@@ -43,16 +43,16 @@ PLACE = np.dtype([("place", "<u4")])
 
 
 class Faces(NamedTuple):
-    """Some faces of a mesh.
+    """Holds some faces of a mesh.
 
     Attributes
     ----------
     indices : (m,) int64
         The vertices of all, one face after the other.
     counts : (n,) uint32
-        How many each has.
+        Number of corners of each face.
     values : (n,) or (n, 3) ndarray, optional
-        What each is painted by.
+        The number or the color that paints each face.
     materials : (n,) uint32, optional
     """
 
@@ -63,18 +63,18 @@ class Faces(NamedTuple):
 
 
 class Mesh(Protocol):
-    """A mesh whose vertices and faces can be read again and again.
+    """Provides the vertices and faces of a mesh, which can be read again and again.
 
     Attributes
     ----------
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     vertices : int
-        How many there are.
+        Number of vertices.
     row : numpy.dtype
-        Of the numbers of a vertex.
+        The type of the numbers of a vertex.
     coordinates : numpy.dtype
-        Of its position, as the file has it.
+        The type of its position in the file.
     columns : int
         Numbers of a vertex: three, and what it is painted by.
     painted : bool
@@ -89,20 +89,20 @@ class Mesh(Protocol):
     painted: bool
 
     def vertex_blocks(self) -> Iterator[NDArray[Any]]:
-        """All vertices, (n, columns) at a time."""
+        """Yield all vertices, (n, columns) at a time."""
         ...
 
     def face_blocks(self) -> Iterator[Faces]:
-        """All faces."""
+        """Yield all faces, block by block."""
         ...
 
     def numbers(self) -> Iterator[NDArray[Any]]:
-        """What a map's range is taken from."""
+        """Yield the numbers from which a color map takes its range."""
         ...
 
 
 def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
-    """All faces, painted by their own numbers or by the mean of their vertices'."""
+    """Write all faces, painted by their own numbers or by the mean of their vertices'."""
     reading = outlet.reading
     unpainted = reading.color_by is not None and not mesh.painted
     painted = ("skip_invalid",) if unpainted else PAINTED
@@ -118,7 +118,7 @@ def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
 
 
 def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:
-    """The mean of each face's rows, (n,) or (n, 3)."""
+    """Compute the mean of each face's corner values, (n,) or (n, 3)."""
     face = np.repeat(np.arange(len(counts)), counts)
     sums = [np.bincount(face, column, len(counts)) for column in values.T]
     mean: NDArray[Any] = np.stack(sums, axis=-1) / np.maximum(counts, 1)[:, None]
@@ -126,7 +126,7 @@ def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:
 
 
 def joined(mesh: Mesh, room: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
-    """The faces of a mesh with the vertices of their corners, (m, columns).
+    """Yield the faces of a mesh with the vertices of their corners, (m, columns).
 
     Parameters
     ----------
@@ -159,14 +159,14 @@ def joined(mesh: Mesh, room: int, scratch: Path) -> Iterator[tuple[NDArray[Any],
 
 
 def joined_in_memory(mesh: Mesh) -> Iterator[tuple[NDArray[Any], Faces]]:
-    """With all vertices in memory: two passes, each over a part of the file."""
+    """Join with all vertices in memory: two passes, each over a part of the file."""
     (vertices,) = windows(mesh, max(mesh.vertices, 1))
     for faces in checked(mesh):
         yield vertices.take(faces.indices, axis=0), faces
 
 
 def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
-    """With `most` vertices in memory at a time."""
+    """Join with `most` vertices in memory at a time."""
     row = np.dtype([("row", mesh.row, (mesh.columns,))])
     places: list[Spool] = []
     found: list[Spool] = []
@@ -199,14 +199,14 @@ def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArr
 
 
 def expect(records: NDArray[Any], count: int, mesh: Mesh) -> NDArray[Any]:
-    """The records, if they are as many as in the pass before."""
+    """Return the records if their count is that of the pass before, else raise `SceneError`."""
     if len(records) != count:
         raise SceneError(f"{mesh.name}: found other faces than before, expected a file at rest")
     return records
 
 
 def checked(mesh: Mesh) -> Iterator[Faces]:
-    """The faces of a mesh, whose indices are in range, `CORNERS` at a time."""
+    """Yield the faces of a mesh, up to `CORNERS` corners at a time, with their indices checked."""
     before = 0
     for faces in parts(mesh.face_blocks()):
         indices = faces.indices
@@ -222,7 +222,7 @@ def checked(mesh: Mesh) -> Iterator[Faces]:
 
 
 def parts(blocks: Iterable[Faces]) -> Iterator[Faces]:
-    """Blocks of faces cut up, so that each has `CORNERS` at the most, or is a single face."""
+    """Cut blocks of faces up so that each has `CORNERS` corners at most, or is a single face."""
     for faces in blocks:
         ends = np.cumsum(faces.counts, dtype=np.int64)
         first = start = 0
@@ -239,7 +239,7 @@ def parts(blocks: Iterable[Faces]) -> Iterator[Faces]:
 
 
 def once_each(indices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The vertices that corners need, ascending, and where each corner's is among them."""
+    """Return the distinct vertices of corners, ascending, and each corner's place among them."""
     if not len(indices):
         return indices, indices
     lo, hi = int(indices.min()), int(indices.max())
@@ -252,7 +252,7 @@ def once_each(indices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np
 
 
 def by_window(vertices: NDArray[np.int64], most: int) -> Iterator[tuple[int, slice]]:
-    """The windows that ascending vertices are in, each with its part of them."""
+    """Yield the windows that contain ascending vertices, each with the vertices' slice in it."""
     if len(vertices):
         windows = np.arange(vertices[0] // most, vertices[-1] // most + 1)
         ends = np.searchsorted(vertices, (windows + 1) * most)
@@ -263,7 +263,7 @@ def by_window(vertices: NDArray[np.int64], most: int) -> Iterator[tuple[int, sli
 
 
 def windows(mesh: Mesh, most: int) -> Iterator[NDArray[Any]]:
-    """All vertices, `most` at a time, the last fewer; used again for the next.
+    """Yield all vertices, `most` at a time, the last fewer, in one reused array.
 
     Raises
     ------

@@ -24,7 +24,7 @@ NUMBERS = {b"Kd": 3, b"Ks": 3, b"Ns": 1, b"Ni": 1, b"d": 1, b"Tr": 1, b"illum": 
 
 
 class Statement(NamedTuple):
-    """A line of a material; `numbers` are None where they are wrong."""
+    """Holds a line of a material; `numbers` is None where they are wrong."""
 
     line: int
     words: list[bytes]
@@ -32,7 +32,7 @@ class Statement(NamedTuple):
 
 
 def read_mtl(path: Path) -> dict[bytes, Material]:
-    """The materials of a library by their names.
+    """Return the materials of a library by their names.
 
     ``Kd`` is the color, ``d`` or ``Tr`` the transmittance, ``Ni`` the index of refraction; ``Ks``
     and ``Ns`` are kept where ``illum`` asks for reflection (3 and up), for in bfrt a specular
@@ -68,13 +68,13 @@ def read_mtl(path: Path) -> dict[bytes, Material]:
 
 
 def words_of(line: bytes) -> list[bytes]:
-    """The words of a line as far as its comment, which a word begins: ``1.#IND`` is none."""
+    """Split a line into words up to a comment, which a word begins: ``1.#IND`` begins none."""
     words = line.split()
     return words[: next((i for i, word in enumerate(words) if word.startswith(b"#")), len(words))]
 
 
 def numbers_of(key: bytes, words: list[bytes]) -> tuple[float, ...] | None:
-    """A statement's numbers, finite and not negative; one color stands for all three."""
+    """Return a statement's numbers, finite and not negative; one stands for a color's three."""
     if key == b"d" and words[:1] == [b"-halo"]:
         words = words[1:]
     words = words * 3 if NUMBERS[key] == 3 and len(words) == 1 else words[: NUMBERS[key]]
@@ -87,13 +87,13 @@ def numbers_of(key: bytes, words: list[bytes]) -> tuple[float, ...] | None:
 
 
 class Library:
-    """What statements of a library's materials mean."""
+    """Interprets the statements of a library's materials."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def material(self, known: dict[bytes, Statement]) -> Material:
-        """A material of its statements; those that it has no use for may be anything."""
+        """Make a material of its statements; those that bfrt does not use are not checked."""
         red, green, blue = self._numbers(known, b"Kd", Material().color)
         transmittance = self._transmittance(known)
         mirrors = self._numbers(known, b"illum", (0.0,))[0] >= MIRRORS
@@ -116,7 +116,7 @@ class Library:
     def _numbers(
         self, known: dict[bytes, Statement], key: bytes, default: tuple[float, ...]
     ) -> tuple[float, ...]:
-        """A statement's numbers, or a default where there are none."""
+        """Return a statement's numbers, or a default where it is missing or wrong."""
         if key not in known:
             return default
         line, words, numbers = known[key]

@@ -1,4 +1,4 @@
-"""What a file's arrays are, by their names: which are a mesh, positions, radii, colors.
+"""The meaning of a file's arrays by their names: a mesh, positions, radii, colors.
 
 A name's last part counts, in any case; the part before, its folder, tells what belongs together:
 
@@ -31,29 +31,30 @@ VALUE = "value"
 
 
 def folder_of(key: str) -> str:
-    """The part of a key before the last slash."""
+    """Return the part of a key before the last slash."""
     return key.rpartition("/")[0]
 
 
 def within(folder: str, name: str) -> str:
-    """The key of a name in a folder."""
+    """Return the key of a name in a folder."""
     return f"{folder}/{name}" if folder else name
 
 
 def name_of(key: str) -> str:
-    """What a key's array is called: of H5MD's values their folder's name."""
+    """Return the name of a key's array; for H5MD's ``value`` it is that of the folder."""
     folder, _, name = key.rpartition("/")
     return (folder.rpartition("/")[2] if name == VALUE else name).lower()
 
 
 def called(arrays: Arrays, names: Iterable[str]) -> list[str]:
-    """The keys of arrays that go by one of some names."""
+    """List the keys of arrays that have one of some names."""
     return [key for key in arrays if name_of(key) in names]
 
 
 def homes(near: str) -> Iterator[str]:
-    """The folders where what belongs to an array is: its own, and the one around where its folder
-    is named for it, as in H5MD and openPMD."""
+    """Yield the folders that may hold an array's companions: its own, and the parent where the
+    folder is named for the array, as in H5MD and openPMD.
+    """
     folder = folder_of(near)
     yield folder
     if folder.rpartition("/")[2].lower() in CENTERS:
@@ -61,19 +62,19 @@ def homes(near: str) -> Iterator[str]:
 
 
 def beside(arrays: Arrays, names: Iterable[str], near: str) -> list[str]:
-    """The keys of arrays that go by one of some names and belong to another, the nearest first."""
+    """List the keys of arrays of some names that belong to another array, the nearest first."""
     there = called(arrays, names)
     return [key for home in homes(near) for key in there if home == home_of(key)]
 
 
 def home_of(key: str) -> str:
-    """The folder that an array is in: of H5MD's values the one around their own."""
+    """Return the folder that an array is in; for H5MD's ``value`` it is the one around its own."""
     folder, _, name = key.rpartition("/")
     return folder_of(folder) if name == VALUE else folder
 
 
 def named(arrays: Arrays, name: str, file: str, setting: str, near: str = "") -> str:
-    """The key of the array of a name: beside another, or by its whole name.
+    """Return the key of the array of a name: beside another, or by its whole name.
 
     Raises
     ------
@@ -89,7 +90,7 @@ def named(arrays: Arrays, name: str, file: str, setting: str, near: str = "") ->
 
 
 def keys_of(name: str, near: str) -> Iterator[str]:
-    """The keys that a name may stand for."""
+    """Yield the keys that a name may stand for."""
     there = [within(home, name) for home in homes(near)]
     for key in (*there, name, name.lstrip("/")):
         yield key
@@ -97,7 +98,7 @@ def keys_of(name: str, near: str) -> Iterator[str]:
 
 
 def three(arrays: Arrays, folder: str, names: tuple[tuple[str, ...], ...]) -> list[str]:
-    """The keys of three columns in a folder, all in small letters, in capitals, or like Names."""
+    """Find the keys of three columns in a folder, all in lower case, upper case or capitalised."""
     for group in names:
         for form in (str.lower, str.upper, str.capitalize):
             keys = [within(folder, form(name)) for name in group]
@@ -107,13 +108,13 @@ def three(arrays: Arrays, folder: str, names: tuple[tuple[str, ...], ...]) -> li
 
 
 def folders_of_three(arrays: Arrays) -> list[str]:
-    """The folders that have x, y and z."""
+    """List the folders that have x, y and z."""
     folders = (folder_of(key) for key in arrays if key.rpartition("/")[2] in ("z", "Z"))
     return [folder for folder in dict.fromkeys(folders) if three(arrays, folder, AXES)]
 
 
 def mesh_in(file: str, arrays: Arrays) -> list[str]:
-    """The keys of vertices and of faces, which are in one folder; none where there are none.
+    """Find the keys of vertices and of faces in one folder; an empty list if there are none.
 
     Raises
     ------
@@ -126,7 +127,7 @@ def mesh_in(file: str, arrays: Arrays) -> list[str]:
 
 
 def triangles_in(file: str, arrays: Arrays) -> list[str]:
-    """The key of triangles; none where there are none.
+    """Find the key of triangles; an empty list if there are none.
 
     Raises
     ------
@@ -138,7 +139,7 @@ def triangles_in(file: str, arrays: Arrays) -> list[str]:
 
 
 def the_one(file: str, arrays: Arrays, found: dict[str, list[str]]) -> list[str]:
-    """The keys in the outermost folder, or in the only one; none where there is none."""
+    """Return the keys in the outermost folder, or in the only one; an empty list if none."""
     if len(found) > 1 and "" not in found:
         keys = [key for keys in found.values() for key in keys]
         raise SceneError(
@@ -149,7 +150,7 @@ def the_one(file: str, arrays: Arrays, found: dict[str, list[str]]) -> list[str]
 
 
 def positions_in(file: str, arrays: Arrays) -> list[str]:
-    """The keys of the only positions: of one array, or of three columns.
+    """Find the keys of the only positions: of one array, or of three columns.
 
     Raises
     ------
@@ -174,7 +175,7 @@ def positions_in(file: str, arrays: Arrays) -> list[str]:
 
 
 def positions_named(file: str, arrays: Arrays, name: str) -> list[str]:
-    """The keys of the positions that a setting names: of one array, or of three in a folder.
+    """Find the keys of the positions that a setting names: one array, or three in a folder.
 
     Raises
     ------
@@ -186,7 +187,7 @@ def positions_named(file: str, arrays: Arrays, name: str) -> list[str]:
 
 
 def colors_in(file: str, arrays: Arrays, near: str) -> Rows:
-    """The colors that belong to an array, or the only ones.
+    """Find the colors that belong to an array, or the only ones in the file.
 
     Raises
     ------
@@ -206,23 +207,23 @@ def colors_in(file: str, arrays: Arrays, near: str) -> Rows:
 
 
 def joined(arrays: Arrays, keys: list[str]) -> Rows:
-    """The array of a key, or those of several as its columns."""
+    """Return the array of one key, or the arrays of several keys as columns of one."""
     if len(keys) == 1:
         return level(arrays[keys[0]], 2)
     return abreast([level(arrays[key], 1) for key in keys])
 
 
 def is_rows(array: Rows, *columns: int) -> bool:
-    """Whether it has rows of so many numbers."""
+    """Tell whether an array has rows of `columns` numbers."""
     return len(array.shape) == 2 and array.shape[1] in columns and array.dtype.kind in "fiub"
 
 
 def is_points(array: Array) -> bool:
-    """Whether it may be positions, or frames or a map of them."""
+    """Tell whether an array may be positions, or frames or a map of positions."""
     rows = len(array.shape) in (2, 3) and array.shape[-1] in (3, 4)
     return rows and array.dtype.kind in "fiub"
 
 
 def is_column(array: Array) -> bool:
-    """Whether it may be a column."""
+    """Tell whether an array may be a column of numbers."""
     return len(array.shape) == 1 and array.dtype.kind in "fiub"

@@ -107,7 +107,7 @@ def read_nff(
     source : str, path or binary stream
         The file; "-" is standard input. A stream is read from where it stands and left open.
     writer : SceneSink
-        What takes the scene. It must copy the arrays that it keeps.
+        The receiver of the scene. It must copy the arrays that it keeps.
     progress : callable, optional
         Called after each chunk with the number of bytes consumed so far.
 
@@ -145,7 +145,7 @@ def _read(
 
 
 def _parts(text: bytes, size: int) -> Iterator[bytes]:
-    """A text in parts of a size at the most: decoded it may be longer than it was."""
+    """Cut a text into parts of `size` bytes at most, since decoding may have made it longer."""
     for start in range(0, len(text), size):
         yield text[start : start + size]  # bytes themselves, not a copy, where that is all
 
@@ -153,7 +153,7 @@ def _parts(text: bytes, size: int) -> Iterator[bytes]:
 def _open(
     source: str | os.PathLike[str] | BinaryIO, stack: contextlib.ExitStack
 ) -> tuple[BinaryIO, str]:
-    """The stream of a source, and what messages call it."""
+    """Open a source; return its stream and the name for messages."""
     if source == "-":
         return sys.stdin.buffer, "<stdin>"
     if not isinstance(source, (str, os.PathLike)):
@@ -277,7 +277,7 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 def _found(parser: Parser) -> str:
-    """What a fault is about, on one line whatever the bytes are."""
+    """Describe what a fault found, on one line for any bytes."""
     token = parser.token
     if not token:
         return "end of file"
@@ -314,7 +314,7 @@ def _expected(parser: Parser) -> str:
 
 
 def _field(parser: Parser) -> str:
-    """The name of the number that comes next."""
+    """Name the number that comes next."""
     if parser.entity in _FIELDS:
         keyword, names = _FIELDS[parser.entity]
         return f"{names[parser.have]} of {keyword}"

@@ -34,7 +34,7 @@ MOST_COLUMNS = 16
 
 
 class Readable(Protocol):
-    """What an array is read from, forwards."""
+    """Provides the bytes of an array, read forwards."""
 
     def read(self, size: int = ..., /) -> bytes: ...
 
@@ -48,7 +48,7 @@ class Readable(Protocol):
 
 
 class NpyArray:
-    """An array in NumPy's format.
+    """Reads an array in NumPy's format.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class NpyArray:
             self.shape, self.dtype, self._columns = self._header(file)
 
     def _header(self, file: Readable) -> tuple[tuple[int, ...], np.dtype[Any], int]:
-        """The array's shape, its dtype, and in how many columns it lies one behind the other."""
+        """Read the header: the shape, the dtype, and the columns of Fortran order, else 1."""
         with self._read("NumPy's header of an array"):
             version = np.lib.format.read_magic(file)
             read = np.lib.format.read_array_header_2_0
@@ -95,7 +95,7 @@ class NpyArray:
         return shape, dtype, columns
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        """All rows, `rows` at a time."""
+        """Yield all rows, `rows` at a time."""
         row = math.prod(self.shape[1:]) * self.dtype.itemsize
         left = self.shape[0] if row else 0
         with contextlib.ExitStack() as stack:
@@ -114,7 +114,7 @@ class NpyArray:
                 self._end(files[-1])
 
     def shallow(self) -> NpyArray:
-        """The rows of a map one after another: of (h, w, 3) the (h w, 3)."""
+        """Return the rows of a map one after another: (h, w, 3) as (h w, 3)."""
         if self._columns > 1:
             raise SceneError(
                 f"{self.name}: found shape {self.shape} in Fortran order, expected C order for "
@@ -182,7 +182,7 @@ def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None
 
 
 def by_shape(array: NpyArray) -> dict[str, Any]:
-    """The array under the name that its shape tells."""
+    """Return the array under the name that its shape suggests: triangles or positions."""
     if array.shape[1:] in ((3, 3), (9,)):
         return {"triangles": array}
     if array.shape[1:] in ((3,), (4,)) or (len(array.shape) == 3 and array.shape[2] == 3):
@@ -194,7 +194,7 @@ def by_shape(array: NpyArray) -> dict[str, Any]:
 
 
 def fields_of(array: NpyArray, name: str = "") -> dict[str, Callable[[], Array]]:
-    """What opens the fields of an array of records, by their names behind the array's."""
+    """Return an opener for each field of records, by the array's name and the field's."""
     openers = openers_of(array.dtype, lambda: level(array, 1))
     return {within(name, "/".join(path)): opener for path, opener in openers.items()}
 
@@ -232,7 +232,7 @@ def read_npz(path: str, sink: SceneSink, reading: Reading, report: Report | None
 
 
 def member_of(name: str, opened: Callable[[], NpyArray]) -> dict[str, Callable[[], Array]]:
-    """What opens an array of a zip by its name; of one of records its fields."""
+    """Return the openers of a zip member: one by its name, or one for each field of records."""
     try:
         array = opened()
     except (SceneError, ShortReadError):  # nobody may need it

@@ -44,7 +44,7 @@ PARTING = re.compile(r"(?<!\\)\s+")
 
 
 class ObjVertices:
-    """The vertices of an OBJ file, and what a first pass over them tells of the file.
+    """Reads the vertices of an OBJ file; a first pass finds out what the file contains.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class ObjVertices:
             self._kept.append(block)
 
     def _check(self, lines: Lines) -> None:
-        """Refuse what is no OBJ, has nothing to draw, or has not the colors that are asked for."""
+        """Refuse a file that is no OBJ, has nothing to draw, or lacks the colors asked for."""
         known = lines.vertices + lines.faces + lines.passed
         if lines.unknown > known:
             number, word = lines.stranger
@@ -101,7 +101,7 @@ class ObjVertices:
             )
 
     def blocks(self) -> Iterator[NDArray[Any]]:
-        """All vertices, (n, columns) at a time."""
+        """Yield all vertices, (n, columns) at a time."""
         return self._parsed(Lines(of_faces=False)) if self._kept is None else iter(self._kept)
 
     def _parsed(self, lines: Lines) -> Iterator[NDArray[Any]]:
@@ -112,14 +112,14 @@ class ObjVertices:
 
 
 def refuse_fault(lines: Lines, name: str) -> None:
-    """Raise what the parser found wrong."""
+    """Raise the fault that the parser found."""
     if lines.fault:
         told = WORDS[Fault(lines.fault)].format(shown(lines.token))
         raise SceneError(f"{name}: line {lines.line}: {told}")
 
 
 class ObjPoints:
-    """The vertices of an OBJ file without faces: `bfrt.formats.points.Points`."""
+    """Reads the vertices of an OBJ file without faces: a `bfrt.formats.points.Points`."""
 
     def __init__(self, vertices: ObjVertices) -> None:
         self.name = vertices.name
@@ -135,7 +135,7 @@ class ObjPoints:
 
 
 class ObjMesh:
-    """An OBJ file as a mesh: `bfrt.formats.mesh.Mesh`."""
+    """Reads an OBJ file as a mesh: a `bfrt.formats.mesh.Mesh`."""
 
     row = coordinates = np.dtype("f8")
 
@@ -173,7 +173,7 @@ class ObjMesh:
             yield Faces(corners, counts, None, materials)
 
     def _material(self, name: bytes, plain: int) -> int:
-        """The index of a material; without a name, or unknown, it is plain."""
+        """Return the index of a material by its name; plain if it has no name or is unknown."""
         if name and name not in self._materials and name not in self._unknown:
             self._unknown.add(name)
             log.warning(
@@ -206,12 +206,12 @@ class ObjMesh:
 
 
 def unescaped(name: str) -> str:
-    """A name without the backslashes that are before its blanks."""
+    """Return a name without the backslashes before its blanks."""
     return name.replace("\\ ", " ")
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file; a name that cannot be one has none."""
+    """Tell whether a path is a file; a name that no file can have is none."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Where readers of points and meshes put objects: what is not finite is refused or dropped."""
+"""The way of points, triangles and faces into a sink; objects that are not finite are refused."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LARGEST = float(np.finfo(np.float32).max)
 
 
 class SceneSink(Protocol):
-    """What readers write to.
+    """Takes the scene that a reader reads: objects, materials, view and lights.
 
     The arrays of ``append`` and ``append_polygons`` are the sink's from then on. Objects of a kind
     come in input order, in blocks; blocks of different kinds come as they fill.
@@ -76,13 +76,13 @@ class SceneSink(Protocol):
 
 
 class Outlet:
-    """A sink for one file's points, triangles and faces.
+    """Passes one file's points, triangles and faces on to a sink.
 
     Parameters
     ----------
     sink : SceneSink
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     reading : Reading
 
     Attributes
@@ -182,7 +182,7 @@ class Outlet:
     def _painted(
         self, values: NDArray[Any] | None, n: int, own: NDArray[np.uint32] | None = None
     ) -> NDArray[np.uint32]:
-        """The materials of objects: by their values, their own, or a plain one."""
+        """Return the materials of objects: by their values, their own, or a plain one."""
         if self._painter is not None and values is not None:
             return self._painter.paint(values)
         if own is not None:
@@ -198,7 +198,7 @@ class Outlet:
         numbers: NDArray[Any],
         counts: NDArray[Any] | None = None,
     ) -> NDArray[np.bool_]:
-        """Count the objects that are not good, if they may be dropped; returns which are.
+        """Count the objects that are not good, if they may be dropped; return which are.
 
         Raises
         ------
@@ -223,31 +223,31 @@ class Outlet:
         return good
 
     def report(self) -> None:
-        """Say how many were dropped, and what became of faces."""
+        """Log how many objects were dropped, and how faces were cut."""
         if self.dropped:
             log.warning("%s: %d objects that are not finite were dropped", self.name, self.dropped)
         self._triangulation.report()
 
 
 def cast(numbers: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Numbers as another dtype; what is too large for it is infinite, and no warning's matter."""
+    """Convert numbers to another dtype, silently; what is too large becomes infinite."""
     with np.errstate(over="ignore"):
         return numbers.astype(dtype, copy=False)
 
 
 def all_finite(numbers: NDArray[Any]) -> bool:
-    """Whether all are, which takes one look at least and greatest: NaN is both."""
+    """Tell whether all numbers are finite, by least and greatest: with a NaN both are NaN."""
     return not numbers.size or bool(numbers.min() >= -LARGEST and numbers.max() <= LARGEST)
 
 
 def finite(numbers: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which rows are finite, as float32 too; NaN compares with nothing."""
+    """Tell which rows are finite, as float32 too; a NaN fails every comparison."""
     good: NDArray[np.bool_] = np.all(np.abs(numbers) <= LARGEST, axis=1)
     return good
 
 
 def all_of_each(good: NDArray[np.bool_], counts: NDArray[Any]) -> NDArray[np.bool_]:
-    """Whether all corners of each face are good; a face without any is."""
+    """Tell for each face whether all its corners are good; a face without corners is good."""
     bad_before = np.concatenate([[0], np.cumsum(~good)])
     ends = np.cumsum(counts, dtype=np.int64)
     none: NDArray[np.bool_] = bad_before[ends] == bad_before[ends - counts]
@@ -257,12 +257,12 @@ def all_of_each(good: NDArray[np.bool_], counts: NDArray[Any]) -> NDArray[np.boo
 def faces_of(
     corners: NDArray[Any], counts: NDArray[np.uint32], some: NDArray[np.bool_]
 ) -> tuple[NDArray[Any], NDArray[np.uint32]]:
-    """The corners and the counts of some faces."""
+    """Return the corners and the counts of the faces chosen."""
     if some.all():
         return corners, counts
     return corners[np.repeat(some, counts)], counts[some]
 
 
 def told(row: NDArray[Any]) -> str:
-    """Numbers as an error shows them."""
+    """Return numbers in words, for an error."""
     return " ".join(f"{float(x):g}" for x in row.reshape(-1)[:9]) or "nothing"

@@ -1,4 +1,4 @@
-"""Where the rows of an HDF5 dataset come from: its own file, or those that it is virtual over.
+"""The files that the rows of an HDF5 dataset come from: its own, or those of a virtual one.
 
 ::
 
@@ -33,7 +33,7 @@ PREFIXES = "HDF5_VDS_PREFIX"
 
 
 def opened(file: str) -> Any:
-    """An HDF5 file to read, whoever may be writing it."""
+    """Open an HDF5 file for reading without a lock, so that another process may write it."""
     return h5py.File(os.fsencode(file), "r", locking=False)
 
 
@@ -45,7 +45,7 @@ REFUSED = {
 
 
 def refusal_of(error: Exception) -> StreamError | None:
-    """What the system refused, where that is why HDF5 has an error."""
+    """Return the system's refusal that caused an error of HDF5, or None."""
     said = " ".join(map(str, error.args))
     for doing, pattern in REFUSED.items():
         if found := re.search(pattern, said, re.DOTALL):
@@ -55,7 +55,7 @@ def refusal_of(error: Exception) -> StreamError | None:
 
 
 class Opened(NamedTuple):
-    """A file that rows come from, as it was when it was opened."""
+    """Holds a file that rows come from, and its size at the time of opening."""
 
     name: str
     size: int
@@ -63,12 +63,12 @@ class Opened(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part of a virtual dataset: where its rows are, and how many there have to be.
+    """Describes a part of a virtual dataset: where its rows are, and how many there have to be.
 
     Attributes
     ----------
     shape : tuple of int
-        That the rows' dataset has at the least; empty for any.
+        The least shape that the rows' dataset must have; empty for any.
     """
 
     file: str
@@ -77,7 +77,7 @@ class Part(NamedTuple):
 
 
 class Origins:
-    """The files that datasets are made of, open."""
+    """Keeps the files that datasets are made of open."""
 
     def __init__(self) -> None:
         self._files: dict[int, Opened] = {}
@@ -91,7 +91,7 @@ class Origins:
         ----------
         dataset : h5py.h5d.DatasetID
         place : str
-            Of the dataset, for errors.
+            Name of the dataset, for errors.
         outer : tuple
             The virtual datasets that are made of this one.
 
@@ -123,7 +123,7 @@ class Origins:
         self._whole.add(key)
 
     def check_sizes(self) -> None:
-        """Refuse a file that ends before it did: HDF5 reads what is missing as zeros.
+        """Refuse a file that has become shorter: HDF5 reads missing bytes as zeros.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class Origins:
         self._files.clear()
 
     def _hold(self, file: Any) -> Opened:
-        """Keep a file open; returns what is known of it."""
+        """Keep a file open; return its name, size and id."""
         descriptor = file.get_vfd_handle()
         if descriptor not in self._files:
             size = os.fstat(descriptor).st_size
@@ -150,7 +150,7 @@ class Origins:
         return self._files[descriptor]
 
     def _add_parts(self, plist: Any, k: int, home: Opened, place: str, outer: Any) -> None:
-        """Open what a mapping leads to."""
+        """Open the files that a mapping leads to."""
         for number, part in enumerate(parts_of(plist, k)):
             found = self._found(part, home)
             if found is None and number:
@@ -164,7 +164,7 @@ class Origins:
             check_shape(found, part, place)
 
     def _found(self, part: Part, home: Opened) -> Any:
-        """The dataset that has a part's rows, or None."""
+        """Find the dataset that has a part's rows, or None."""
         file = home.id if part.file == "." else self._file(part.file, home.name)
         try:
             found = None if file is None else h5o.open(file, os.fsencode(part.name))
@@ -175,7 +175,7 @@ class Origins:
         return found if isinstance(found, h5d.DatasetID) else None
 
     def _file(self, name: str, home: str) -> Any:
-        """The file that HDF5 finds by a name, or None."""
+        """Open the file that HDF5 finds by a name, or return None."""
         refused = None
         for path in paths_of(name, home):
             if path not in self._named:
@@ -203,7 +203,7 @@ def check_shape(dataset: Any, part: Part, place: str) -> None:
 
 
 def parts_of(plist: Any, k: int) -> Iterator[Part]:
-    """The parts that a mapping has: one, or for a pattern of names any number of them."""
+    """Yield the parts of a mapping: one, or any number for a pattern of names."""
     file, name = plist.get_virtual_filename(k), plist.get_virtual_dsetname(k)
     if "%b" in file + name:
         for block in itertools.count():
@@ -213,12 +213,12 @@ def parts_of(plist: Any, k: int) -> Iterator[Part]:
 
 
 def numbered(pattern: str, block: int) -> str:
-    """A name as HDF5 makes it of a pattern."""
+    """Fill a block's number into a pattern, as HDF5 does."""
     return "%".join(piece.replace("%b", str(block)) for piece in pattern.split("%%"))
 
 
 def least_shape(plist: Any, k: int) -> tuple[int, ...]:
-    """The shape that the rows' dataset of a part has at the least; empty for any."""
+    """Return the least shape of the dataset that has a part's rows; empty for any."""
     space = plist.get_virtual_srcspace(k)
     if space.get_select_type() not in (h5s.SEL_HYPERSLABS, h5s.SEL_POINTS):
         return ()
@@ -230,7 +230,7 @@ def least_shape(plist: Any, k: int) -> tuple[int, ...]:
 
 
 def paths_of(name: str, home: str) -> Iterator[str]:
-    """Where HDF5 looks for a file that one at `home` names, in its order."""
+    """Yield the paths where HDF5 looks for a file that the file `home` names, in its order."""
     folder = Path(home).absolute().parent
     if Path(name).is_absolute():
         yield name

@@ -64,7 +64,7 @@ BLOCK_BYTES = 32 << 20
 
 
 class Property(NamedTuple):
-    """A column; `counted` is the type of a list's count, or -1."""
+    """Describes a column; `counted` is the type of a list's count, or -1."""
 
     name: str
     kind: int
@@ -72,14 +72,14 @@ class Property(NamedTuple):
 
 
 class Element(NamedTuple):
-    """Rows of one form."""
+    """Describes an element: a number of rows that have the same properties."""
 
     name: str
     rows: int
     properties: tuple[Property, ...]
 
     def least_bytes(self, layout: str) -> int:
-        """Bytes that a row takes at the least: of a list its count, of text a digit and a blank."""
+        """Return the least bytes of a row: of a list its count; of text two a value."""
         if layout == "text":
             return 2 * len(self.properties)
         kinds = [p.kind if p.counted < 0 else p.counted for p in self.properties]
@@ -87,29 +87,29 @@ class Element(NamedTuple):
 
     @property
     def row_bytes(self) -> int | None:
-        """Bytes of a row, where all have as many."""
+        """Return the bytes of a row, or None where rows differ."""
         if any(p.counted >= 0 for p in self.properties):
             return None
         return sum(int(CODES[p.kind][1]) for p in self.properties)
 
     def find(self, name: str) -> Property | None:
-        """The property of a name that is no list."""
+        """Find a property by its name, unless it is a list."""
         return next((p for p in self.properties if p.name == name and p.counted < 0), None)
 
     def corners(self) -> Property | None:
-        """The list of a face's vertices."""
+        """Find the property that lists a face's vertices."""
         return next((p for p in self.properties if p.name in CORNERS and p.counted >= 0), None)
 
 
 class Place(NamedTuple):
-    """Where an element begins."""
+    """Marks the place where an element begins."""
 
     offset: int
     line: int
 
 
 class Ply:
-    """An open PLY file: its header, and its elements as often as they are wanted."""
+    """Reads an open PLY file: its header, and its elements as often as needed."""
 
     def __init__(self, path: str | os.PathLike[str], report: Report | None = None) -> None:
         self.source = Source(path, report)
@@ -126,7 +126,7 @@ class Ply:
         return next((e for e in self.elements if e.name == name), None)
 
     def _place(self, number: int) -> Place:
-        """Where an element begins, or where all end; those before it are read if they must be."""
+        """Return the place where an element begins; read those before it where necessary."""
         while len(self._places) <= number:
             element, place = self.elements[len(self._places) - 1], self._places[-1]
             size = element.row_bytes
@@ -155,7 +155,7 @@ class Ply:
             )
 
     def columns(self, element: Element, names: Sequence[str]) -> Iterator[NDArray[Any]]:
-        """Columns of an element, (n, len(names)), as `dtype_of` has it."""
+        """Yield columns of an element, (n, len(names)), of the type that `dtype_of` tells."""
         number = self.elements.index(element)
         dtype = dtype_of(element, names)
         if self.layout == "text" or element.row_bytes is None:
@@ -174,7 +174,7 @@ class Ply:
             yield out
 
     def _row_dtype(self, element: Element, names: Sequence[str]) -> np.dtype[Any]:
-        """The rows of an element without lists, of which some columns are wanted."""
+        """Make the dtype of an element's rows without lists, with the fields that are wanted."""
         order = "<" if self.layout == "little" else ">"
         codes = [CODES[p.kind] for p in element.properties]
         ends = np.cumsum([int(code[1]) for code in codes]).tolist()
@@ -192,14 +192,14 @@ class Ply:
     def faces(
         self, element: Element, names: Sequence[str]
     ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.uint32], NDArray[Any]]]:
-        """The corners of faces or strips, their counts, and columns beside them."""
+        """Yield the corners of faces or strips, their counts, and columns beside them."""
         strips = element.name == "tristrips"
         return self._parsed(self.elements.index(element), names, element.corners(), strips=strips)
 
     def _parsed(
         self, number: int, names: Sequence[str], wanted: Property | None, *, strips: bool
     ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.uint32], NDArray[Any]]]:
-        """An element's rows, taken apart one after the other; at the end the next one's place."""
+        """Parse an element's rows in order; note at the end where the next element begins."""
         element, place = self.elements[number], self._place(number)
         once = list(dict.fromkeys(names))  # a property may be wanted twice, z as color too
         places = [once.index(name) for name in names]
@@ -234,7 +234,7 @@ class Ply:
             self._places.append(Place(at, rows.line))
 
     def _binary(self, at: int) -> Iterator[NDArray[np.uint8]]:
-        """Chunks of bytes from a place on; what was not used of one begins the next."""
+        """Yield chunks of bytes from a place on; the unused end of one begins the next."""
         self.source.seek(at)
         buffer = np.empty(8 + CHUNK_BYTES, np.uint8)
         left = 0
@@ -246,7 +246,7 @@ class Ply:
             buffer[:left] = buffer[end - left : end].copy()
 
     def check_end(self) -> None:
-        """Warn of what is behind the last element."""
+        """Warn of bytes or text behind the last element."""
         end = self._place(len(self.elements))
         left = self.source.size - end.offset
         if self.layout == "text":
@@ -278,7 +278,7 @@ class Ply:
 
 
 def read_header(source: Source) -> tuple[str, list[Element], Place]:
-    """The layout, the elements, and where the first begins: in the text, of bytes in the file."""
+    """Read the header: the layout, the elements, and the place where the first begins."""
     text = source.head(HEADER_BYTES)
     end_of_line = line_end(text)
     layout = ""
@@ -314,7 +314,7 @@ def read_header(source: Source) -> tuple[str, list[Element], Place]:
 
 
 def line_end(text: bytes) -> bytes:
-    """What ends the lines of a header, as it ends the first: CR alone, or LF behind one or not."""
+    """Return the end of the header's lines, judged by the first: CR, or LF, after a CR or not."""
     carriage, feed = text.find(b"\r"), text.find(b"\n")
     return b"\r" if carriage >= 0 and (feed < 0 or carriage + 1 < feed) else b"\n"
 
@@ -329,7 +329,7 @@ def _layout(words: list[str], before: str, source: Source, where: str) -> str:
 
 
 class Begun(NamedTuple):
-    """An element whose properties, by their names, may go on."""
+    """Collects an element's properties by their names while the header is read."""
 
     rows: int
     properties: dict[str, Property]
@@ -362,7 +362,7 @@ def _property(words: list[str], element: Begun, where: str) -> Property:
 
 
 class PlyMesh:
-    """A PLY file's faces: `bfrt.formats.mesh.Mesh`."""
+    """Reads a PLY file's faces: a `bfrt.formats.mesh.Mesh`."""
 
     def __init__(self, ply: Ply, vertex: Element, faces: list[Element], reading: Reading) -> None:
         self.ply = ply
@@ -401,7 +401,7 @@ class PlyMesh:
 
 
 class PlyPoints:
-    """A PLY file's vertices: `bfrt.formats.points.Points`."""
+    """Reads a PLY file's vertices: a `bfrt.formats.points.Points`."""
 
     def __init__(self, ply: Ply, vertex: Element, reading: Reading) -> None:
         self.ply = ply
@@ -433,7 +433,7 @@ class PlyPoints:
 
 
 def painting(element: Element, reading: Reading) -> tuple[str, ...]:
-    """The columns that colors are made of, by the names that they have in an element."""
+    """Return the names of the columns that colors are made from, in this element."""
     for names in COLOR_NAMES if reading.color_by == RGB else ():
         if all(element.find(name) for name in names):
             return names
@@ -441,7 +441,7 @@ def painting(element: Element, reading: Reading) -> tuple[str, ...]:
 
 
 def missing(ply: Ply, names: Sequence[str], where: str) -> SettingError:
-    """What is said of columns that are not there."""
+    """Return an error about columns that are missing."""
     there = sorted({p.name for e in ply.elements for p in e.properties if p.counted < 0})
     return SettingError(
         f"{ply.name}: found no {' '.join(names)} of each {where}, expected one of {' '.join(there)}"
@@ -449,19 +449,19 @@ def missing(ply: Ply, names: Sequence[str], where: str) -> SettingError:
 
 
 def dtype_of(element: Element, names: Sequence[str]) -> np.dtype[Any]:
-    """float32 where that holds the columns exactly, else float64."""
+    """Return float32 if it holds the columns exactly, else float64."""
     kinds = [found.kind for name in names if (found := element.find(name))]
     return np.dtype("f4" if all(kind in NARROW for kind in kinds) else "f8")
 
 
 def scale_of(element: Element, names: Sequence[str]) -> float:
-    """What colors are divided by; a number stays itself."""
+    """Return the divisor that scales colors to 0 to 1; 1 for a plain number."""
     found = element.find(names[0]) if len(names) == len(COLORS) else None
     return 1.0 if found is None else FULL.get(found.kind, 1.0)
 
 
 def own(values: NDArray[Any]) -> NDArray[Any]:
-    """Columns as what objects are painted by: (n,) numbers, or (n, 3) colors."""
+    """Return columns in the form that objects are painted by: (n,) numbers, or (n, 3) colors."""
     return values[:, 0] if values.shape[1] == 1 else values
 
 

@@ -1,4 +1,4 @@
-"""Points, which become spheres of a radius that is given or that each has."""
+"""Points, which become spheres: of one radius, or of a radius for each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BLOCK = 1 << 16
 
 
 class PointBlock(NamedTuple):
-    """Some points.
+    """Holds some points.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class PointBlock(NamedTuple):
     radii : (n,) ndarray, optional
         Each one's own.
     values : (n,) or (n, 3) ndarray, optional
-        What each is painted by.
+        The number or the color that paints each point.
     """
 
     centers: NDArray[Any]
@@ -34,12 +34,12 @@ class PointBlock(NamedTuple):
 
 
 class Points(Protocol):
-    """Points that can be read again and again.
+    """Provides points that can be read again and again.
 
     Attributes
     ----------
     name : str
-        Of the file, for errors.
+        Name of the file, for errors.
     painted : bool
         Whether they have numbers or colors to be painted by.
     """
@@ -48,16 +48,16 @@ class Points(Protocol):
     painted: bool
 
     def blocks(self) -> Iterator[PointBlock]:
-        """All points; radii are each one's own where the setting names them or the file has any."""
+        """Yield all points, with radii where the setting names a column or the file has one."""
         ...
 
     def numbers(self) -> Iterator[NDArray[Any]]:
-        """What a map's range is taken from."""
+        """Yield the numbers from which a color map takes its range."""
         ...
 
 
 def write_points(points: Points, outlet: Outlet) -> None:
-    """All points as spheres.
+    """Write all points as spheres.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def write_points(points: Points, outlet: Outlet) -> None:
 
 
 def fitting(points: Points) -> str:
-    """A radius that would fit points, in words; none where all are in one place.
+    """Propose a radius that fits points, in words; nothing if all points are at one place.
 
     Half their mean spacing: the largest of length / n, (area / n)^(1/2) and (volume / n)^(1/3) of
     their bounds, whose longest sides make the length and the area, so that it is that of a line, a

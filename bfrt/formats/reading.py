@@ -1,4 +1,4 @@
-"""What is asked of a reader, beside the file."""
+"""The settings of a conversion, and which files use them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAINTED = ("color_by", "colormap", "color_range", "skip_invalid")
 POINTS = ("radius", *PAINTED)
 
 
-#: Settings that every file has use for.
+#: Settings that every file uses.
 ALWAYS = ("room", "scratch", "uses")
 
 #: Files of a call that an error names.
@@ -29,12 +29,12 @@ NAMED = 3
 
 @dataclass
 class Uses:
-    """What the files of one call have use for, as far as they were asked.
+    """Notes which settings the files of one call use.
 
     Parameters
     ----------
     files : int
-        How many they are.
+        Number of files in the call.
     """
 
     files: int = 1
@@ -42,7 +42,7 @@ class Uses:
     known: set[str] = field(default_factory=set)
 
     def add(self, name: str, known: tuple[str, ...]) -> bool:
-        """Add a file and the settings it has use for; returns whether it was the last."""
+        """Add a file and the settings that it uses; return whether it was the last."""
         self.names.append(name)
         self.known.update(known)
         return len(self.names) >= self.files
@@ -54,12 +54,12 @@ class Uses:
 
 @dataclass(frozen=True)
 class Reading:
-    """Settings of a conversion that some formats know.
+    """Holds the settings of a conversion that some formats use.
 
     Parameters
     ----------
     radius : float or str, optional
-        Of all points, in the file's units, or the name of a column that has each one's.
+        The radius of all points, in the file's units, or the name of a column with one for each.
     positions : str, optional
         Name of the column, array or dataset that has the points' positions.
     color_by : str, optional
@@ -79,7 +79,7 @@ class Reading:
     scratch : Path
         Folder for what does not fit.
     uses : Uses
-        What the other files of a call have use for.
+        The settings that the other files of a call use.
 
     Raises
     ------
@@ -119,7 +119,7 @@ class Reading:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The columns that colors are made of."""
+        """Return the names of the columns that colors are made from."""
         if self.color_by is None:
             return ()
         return COLORS if self.color_by == RGB else (self.color_by,)

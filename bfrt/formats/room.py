@@ -1,4 +1,4 @@
-"""What a conversion takes of its memory budget, and the room that it leaves for a mesh's vertices.
+"""The memory that a conversion takes, and the room that it leaves for a mesh's vertices.
 
 Beside the process there are blocks: those that are read, that objects are made of, that wait for
 threads, and that are written. They are of fixed sizes, and a small file does not fill them::
@@ -29,16 +29,16 @@ COLORS = 32 << 20
 
 
 class Taken(NamedTuple):
-    """Bytes that a format takes, beside the process.
+    """Counts the bytes that a format's reader takes, beside the process.
 
     Attributes
     ----------
     blocks : int
-        Where the file fills them.
+        Bytes of the blocks, if the file fills them.
     library : int
-        That reads it.
+        Bytes of the library that reads the format.
     fewest : int
-        The least room.
+        Bytes of the least room for vertices.
     packed : bool
         Whether a file holds more than its bytes tell.
     """
@@ -67,12 +67,12 @@ FORMATS = {
 
 
 def room_for(name: str, memory: int, size: int | None = None, *, colored: bool = False) -> int:
-    """The bytes that a file's conversion leaves of a budget.
+    """Return the bytes of a budget that a file's conversion leaves free.
 
     Parameters
     ----------
     name : str
-        Of the file, or of what it is converted from.
+        Name of the file, or of the scene that is converted.
     memory : int
         Bytes that the whole process may take.
     size : int, optional
@@ -99,7 +99,7 @@ def room_for(name: str, memory: int, size: int | None = None, *, colored: bool =
 
 
 def size_of(name: str) -> float:
-    """A file's bytes; of what is none, such as a pipe, nobody knows."""
+    """Return a file's bytes; infinity for standard input, 0 for a file that cannot be looked at."""
     try:
         found = Path(name).stat()
     except (OSError, ValueError):  # which its reader tells

@@ -33,7 +33,7 @@ Bytes = npt.NDArray[np.uint8]
 
 
 class Source:
-    """A file, its place, and its name for errors.
+    """Reads a file forwards, knows its place, and names it in errors.
 
     Libraries that want a file to read are given this one: `failure` then tells what the system
     refused from what they cannot make sense of.
@@ -78,7 +78,7 @@ class Source:
         return True
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill a buffer as far as the file goes; returns the bytes."""
+        """Fill a buffer as far as the file goes; return the bytes."""
         done = 0
         try:
             while done < len(buffer) and (got := self._file.readinto(buffer[done:])):
@@ -92,18 +92,18 @@ class Source:
         return done
 
     def readinto(self, buffer: Any, /) -> int:
-        """Fill a buffer of any type as far as the file goes; returns the bytes."""
+        """Fill a buffer of any type as far as the file goes; return the bytes."""
         return self.read_into(memoryview(buffer).cast("B"))
 
     def read(self, most: int = -1, /) -> bytes:
-        """The next bytes, fewer only at the file's end; all for -1."""
+        """Return the next bytes, fewer only at the file's end; all the rest for -1."""
         left = max(self.size - self.at, 0)
         buffer = bytearray(left if most < 0 else min(most, left))
         got = self.read_into(memoryview(buffer))
         return bytes(memoryview(buffer)[:got])
 
     def exactly(self, size: int) -> Bytes:
-        """The next `size` bytes.
+        """Return the next `size` bytes.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class Source:
         return block
 
     def blocks(self, dtype: np.dtype[Any], count: int, most: int) -> Iterator[npt.NDArray[Any]]:
-        """The next `count` records, up to `most` of them at a time."""
+        """Yield the next `count` records, `most` of them at a time at most."""
         while count:
             n = min(count, most)
             yield self.exactly(n * dtype.itemsize).view(dtype)
@@ -129,35 +129,35 @@ class Source:
 
     @cached_property
     def mark(self) -> bytes:
-        """The byte order mark that the text begins with, empty where it has none."""
+        """Return the byte order mark that the text begins with, empty if none."""
         self.seek(0)
         return mark_of(self.read(MARK_BYTES))
 
     @property
     def is_utf8(self) -> bool:
-        """Whether bytes of the text are those of the file, behind its mark."""
+        """Tell whether the text is UTF-8, so that its bytes are the file's, behind the mark."""
         return MARKS.get(self.mark, "utf-8") == "utf-8"
 
     @property
     def most_text(self) -> int:
-        """Bytes that the text has at the most: two of UTF-16 may take three of UTF-8."""
+        """Return an upper bound of the text's bytes: two of UTF-16 may take three of UTF-8."""
         return self.size - len(self.mark) if self.is_utf8 else self.size // 2 * 3
 
     def head(self, size: int) -> bytes:
-        """The first bytes of the text, fewer only where it ends."""
+        """Return the first bytes of the text, fewer only where it ends."""
         buffer = bytearray(min(size, self.most_text))
         got = self._text_from(0)(memoryview(buffer))
         return bytes(memoryview(buffer)[:got])
 
     def _text_from(self, at: int) -> Callable[[memoryview], int]:
-        """What reads the text on from one of its bytes, as `read_into` does."""
+        """Return a function that reads the text from byte `at` on, as `read_into` does."""
         if not self.is_utf8:
             return _Transcoded(self, at).read_into
         self.seek(len(self.mark) + at)
         return self.read_into
 
     def text_left(self, at: int) -> int:
-        """Bytes of the text from one of them on, without what only pads it: blanks and NULs."""
+        """Count the bytes of the text from byte `at` on, without padding by blanks and NULs."""
         read_into = self._text_from(at)
         buffer = memoryview(bytearray(CHUNK_BYTES))
         left = 0
@@ -166,7 +166,7 @@ class Source:
         return left
 
     def text(self, at: int = 0, *, lines: bool = False) -> Iterator[Bytes]:
-        """The text in chunks of whole tokens, or of whole lines, for `bfrt.formats.text`.
+        """Yield the text in chunks of whole tokens, or of whole lines, for `bfrt.formats.text`.
 
         It is UTF-8 without its mark, and all places in it are of that.
 
@@ -212,7 +212,7 @@ class Source:
 
     @staticmethod
     def _cut(text: memoryview, lines: bool) -> int:
-        """Where the last whole token or line ends."""
+        """Find where the last whole token or line ends."""
         if lines:
             held = bytes(text)
             end = max(held.rfind(b"\n"), held.rfind(b"\r"))
@@ -224,7 +224,7 @@ class Source:
         return len(text) - len(tail) + ends + 1
 
     def failure(self, error: BaseException, expected: str, place: str = "") -> BfrtError:
-        """What to raise for an error of what reads this file: the system's, where that is why."""
+        """Return the exception for an error of reading: the system's refusal if that is why."""
         if isinstance(error, BfrtError):
             return error
         return self._refused or SceneError(
@@ -247,7 +247,7 @@ class Source:
 
 
 class _Transcoded:
-    """UTF-16 of a source as UTF-8, forwards from one of its bytes."""
+    """Reads UTF-16 as UTF-8, forwards from a byte of the UTF-8."""
 
     def __init__(self, source: Source, at: int) -> None:
         source.seek(0)
@@ -259,7 +259,7 @@ class _Transcoded:
             at -= passed
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill a buffer as far as the text goes; returns the bytes."""
+        """Fill a buffer as far as the text goes; return the bytes."""
         while len(self._ahead) < len(buffer):
             piece = self._source.read(CHUNK_BYTES)
             self._ahead += self._decoder.decode(piece, final=not piece)
@@ -272,17 +272,17 @@ class _Transcoded:
 
 
 def said(error: BaseException) -> str:
-    """What an error of a library says, as an error shows it: its first line."""
+    """Return the first line of a library's error, quoted for ours."""
     return repr(next(iter(str(error).splitlines()), type(error).__name__)[:200])
 
 
 def printable(name: str) -> str:
-    """A name as an error shows it, on one line whatever it is."""
+    """Return a name for an error, on one line for any name."""
     return name if name.isprintable() else repr(name)
 
 
 def shown(token: bytes) -> str:
-    """A token as an error shows it, on one line whatever the bytes are."""
+    """Return a token for an error, on one line for any bytes."""
     if not token:
         return "end of file"
     dots = "..." if len(token) > SHOWN_BYTES else ""

@@ -55,7 +55,7 @@ def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None
 
 
 def facets_of(source: Source) -> Iterator[NDArray[Any]]:
-    """The vertices of all facets, (n, 9) at a time."""
+    """Yield the vertices of all facets, (n, 9) at a time."""
     source.seek(HEADER)
     count = int.from_bytes(source.read(COUNT_END - HEADER), "little")
     behind = source.size - COUNT_END - count * FACET.itemsize
@@ -69,7 +69,7 @@ def facets_of(source: Source) -> Iterator[NDArray[Any]]:
 
 
 def is_text(head: bytes) -> bool:
-    """Whether a file begins as text does: with solid, and behind NULs, if any, with its words.
+    """Tell whether a file is text: it begins with solid, and NULs, if any, only pad its name.
 
     Files of bytes may begin with solid too, but have the NULs of their count.
     """
@@ -111,7 +111,7 @@ def check_count(source: Source, count: int, behind: int) -> None:
 
 
 def text_facets(source: Source) -> Iterator[NDArray[np.float64]]:
-    """The vertices of facets of text."""
+    """Yield the vertices of facets of text, (n, 9) at a time."""
     facets = Facets()
     for chunk in source.text():
         text = chunk[1:-1]

@@ -29,22 +29,22 @@ LIST_SHOWN = 300
 
 
 class Rows(Protocol):
-    """Rows that can be read again and again."""
+    """Provides rows that can be read again and again."""
 
     name: str
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        """All rows, `rows` at a time, the last fewer."""
+        """Yield all rows, `rows` at a time, the last fewer."""
         ...
 
 
 class Array(Rows, Protocol):
-    """An array as a file keeps it."""
+    """Provides an array that a file contains."""
 
     def shallow(self) -> Array:
-        """The array with one dimension less, of two or more: what that means is the format's."""
+        """Return the array with one dimension less; each format decides what that means."""
         ...
 
 
@@ -52,7 +52,7 @@ Arrays = Mapping[str, Array]
 
 
 class Lazy(Mapping[str, Array]):
-    """Arrays that are opened when they are asked for: what nobody needs may be anything."""
+    """Maps names to arrays and opens each on demand: an array that nobody needs may be anything."""
 
     def __init__(self, openers: Mapping[str, Callable[[], Array]]) -> None:
         self._openers = openers
@@ -74,12 +74,12 @@ Path = tuple[str, ...]
 
 
 class Field:
-    """Fields of rows as an array: one as a column, several side by side.
+    """Presents fields of records as an array: one as a column, several side by side.
 
     Parameters
     ----------
     array : Array
-        Of records.
+        An array of records.
     paths : tuple of tuple of str
         The names that lead to each field, more than one where records are in records.
     """
@@ -94,7 +94,7 @@ class Field:
         self.shape = (*array.shape, *beside)
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        """All rows, `rows` at a time."""
+        """Yield all rows, `rows` at a time."""
         for block in self.array.blocks(rows):
             if self.paths[1:]:
                 yield np.stack([inside(block, path) for path in self.paths], axis=-1)
@@ -102,26 +102,26 @@ class Field:
                 yield np.ascontiguousarray(inside(block, self.paths[0]))
 
     def shallow(self) -> Array:
-        """Of records in two dimensions, those of one."""
+        """Return the fields of the array with one dimension less."""
         return Field(self.array.shallow(), *self.paths)
 
 
 def type_at(dtype: np.dtype[Any], path: Path) -> np.dtype[Any]:
-    """The type of a field."""
+    """Return the type of a field."""
     for name in path:
         dtype = dtype[name]
     return dtype
 
 
 def inside(block: NDArray[Any], path: Path) -> NDArray[Any]:
-    """A field of records."""
+    """Return a field of records."""
     for name in path:
         block = block[name]
     return block
 
 
 def paths_of(dtype: np.dtype[Any]) -> list[Path]:
-    """The names that lead to each field that has no fields itself, in their order."""
+    """List the paths of names that lead to fields without fields of their own, in order."""
     found: list[Path] = []
     left: list[Path] = [(name,) for name in reversed(dtype.names or ())]
     while left:
@@ -135,7 +135,7 @@ def paths_of(dtype: np.dtype[Any]) -> list[Path]:
 
 
 def openers_of(dtype: np.dtype[Any], opened: Callable[[], Array]) -> dict[Path, Any]:
-    """What opens each field of an array of records, which itself is opened once."""
+    """Return an opener for each field of an array of records, which itself is opened once."""
     whole = cache(opened)
     return {path: partial(_field, whole, path) for path in paths_of(dtype)}
 
@@ -145,7 +145,7 @@ def _field(whole: Callable[[], Array], path: Path) -> Array:
 
 
 class Abreast:
-    """Columns (n,) side by side, as one array.
+    """Presents columns (n,) side by side as one array.
 
     Raises
     ------
@@ -163,13 +163,13 @@ class Abreast:
         self._columns = columns
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        """All rows, `rows` at a time."""
+        """Yield all rows, `rows` at a time."""
         for parts in zip(*(column.blocks(rows) for column in self._columns), strict=True):
             yield np.stack(parts, axis=-1)
 
 
 def abreast(columns: list[Array]) -> Rows:
-    """Columns (n,) side by side; fields of one array's records are read together."""
+    """Join columns (n,) to one array; fields of one array's records are read together."""
     whole = columns[0].array if isinstance(columns[0], Field) else None
     paths: list[Path] = []
     for column in columns:
@@ -182,25 +182,25 @@ def abreast(columns: list[Array]) -> Rows:
 
 
 def level(array: Array, dimensions: int) -> Array:
-    """The array in so many dimensions, where it has one more."""
+    """Return the array with `dimensions` dimensions, where it has one more."""
     return array.shallow() if len(array.shape) == dimensions + 1 else array
 
 
 def floats(array: Rows) -> np.dtype[Any]:
-    """float32 where that holds the numbers exactly, else float64."""
+    """Return float32 if it holds the numbers exactly, else float64."""
     if array.dtype.kind not in "fiub" or array.dtype.itemsize > 8:
         raise wrong(array, "numbers of 64 bits or fewer")
     return np.dtype("f4") if np.can_cast(array.dtype, np.float32) else np.dtype("f8")
 
 
 def wrong(array: Rows, expected: str, kind: type[BfrtError] = SceneError) -> BfrtError:
-    """What is said of an array of another shape or type."""
+    """Return an error about an array of a wrong shape or type."""
     dtype = printable(str(array.dtype))
     return kind(f"{array.name}: found {dtype} of shape {array.shape}, expected {expected}")
 
 
 def listed(arrays: Arrays, keys: Iterable[str] | None = None) -> str:
-    """Some arrays, or all, as an error shows them: names, shapes and types, the first few."""
+    """List some arrays, or all, for an error: the first few names, shapes and types."""
     keys = list(arrays if keys is None else keys)
     shown: list[str] = []
     for key in keys[:LISTED]:
@@ -211,7 +211,7 @@ def listed(arrays: Arrays, keys: Iterable[str] | None = None) -> str:
 
 
 def described(arrays: Arrays, key: str) -> str:
-    """An array's name, shape and type, or the name alone where it cannot be opened."""
+    """Describe an array by name, shape and type, or by name alone if it cannot be opened."""
     name = clipped(key, NAME_SHOWN)
     try:
         array = arrays[key]
@@ -221,6 +221,6 @@ def described(arrays: Arrays, key: str) -> str:
 
 
 def clipped(text: str, most: int) -> str:
-    """A text as an error shows it, as far as `most` characters go."""
+    """Return a text for an error, cut to `most` characters."""
     shown = printable(text)
     return shown if len(shown) <= most else f"{shown[:most]}..."

@@ -132,7 +132,7 @@ cdef inline void consume(Text *text) noexcept nogil:
 
 
 cdef inline int read_hard_number(Text *text, unsigned char *stop, double *out) except -1 nogil:
-    """The numbers that the fast path leaves: long, extreme, unfinished, or none at all.
+    """Read a number that the fast path leaves: long, extreme, unfinished, or no number at all.
 
     `stop` is where a well-formed number ends, NULL if there is none.
     """
@@ -241,6 +241,6 @@ cdef inline int read_integer(Text *text, int low, int high, double *out) noexcep
 
 
 cdef inline int read_any_number(Text *text, double *out) except -1 nogil:
-    """As `read_number`, and what C's printf makes of infinities and of what is no number."""
+    """Read the token as `read_number` does, or as what C's printf makes of infinity and NaN."""
     cdef int status = read_number(text, out)
     return FOUND if status == FOUND else read_no_finite(text, status, out)

@@ -1,10 +1,10 @@
-"""What parsers of text have in common; the loops over it are in ``text.pxd``."""
+"""The common part of text parsers; its loops are in ``text.pxd``."""
 
 from libc.math cimport INFINITY, NAN
 
 
 cdef class Tokens:
-    """A text that is read token by token, and where it is.
+    """Reads a text token by token, and knows the line.
 
     A parser begins before its first chunk; it takes chunks of whole tokens, unless it carries over
     by itself what a chunk ends with, as NFF's does.
@@ -19,12 +19,12 @@ cdef class Tokens:
 
     @property
     def line(self):
-        """The line of the last token."""
+        """Return the line number of the last token."""
         return self.text.line
 
     @property
     def token(self):
-        """The last token, empty at the end of the file."""
+        """Return the last token, empty at the end of the file."""
         return self.text.token[:self.text.length]
 
     cdef void take_chunk(self, const unsigned char[::1] chunk):
@@ -56,13 +56,13 @@ cdef int read_no_finite(Text *text, int status, double *out) noexcept nogil:
 
 
 cdef bint is_infinite(Text *text, Py_ssize_t sign) noexcept nogil:
-    """Whether the token, behind its sign, is an infinity."""
+    """Tell whether the token, behind its sign, is an infinity."""
     cdef Py_ssize_t end = spells(text, sign, "infinity") or spells(text, sign, "inf")
     return end == text.length or spells(text, sign, "1.#inf") > 0
 
 
 cdef bint is_nan(Text *text, Py_ssize_t sign) noexcept nogil:
-    """Whether the token, behind its sign, is nan, nan(...), or one of MSVC's."""
+    """Tell whether the token, behind its sign, is nan, nan(...), or one of MSVC's forms."""
     cdef Py_ssize_t end = spells(text, sign, "nan")
     return (
         end == text.length
@@ -74,7 +74,7 @@ cdef bint is_nan(Text *text, Py_ssize_t sign) noexcept nogil:
 
 
 cdef Py_ssize_t spells(Text *text, Py_ssize_t skip, const char *word) noexcept nogil:
-    """Where a word ends that the token has behind its first bytes, in any case; 0 if it has not."""
+    """Return where `word`, in any case, ends in the token behind `skip` bytes; 0 if not there."""
     cdef Py_ssize_t i = 0
     while word[i]:
         if skip + i >= text.length or text.token[skip + i] | 32 != word[i]:

@@ -56,7 +56,7 @@ def try_file(path: str) -> None:
 
 
 def may_be_virtual(source: Source, address: int) -> bool:
-    """Whether the header of a dataset at an address says that it is virtual, or nothing clear."""
+    """Tell whether a dataset's header, at an address, says virtual or says nothing clear."""
     try:
         return next(layouts(source, address)) == VIRTUAL
     except (StopIteration, struct.error, IndexError):
@@ -64,7 +64,7 @@ def may_be_virtual(source: Source, address: int) -> bool:
 
 
 def layouts(source: Source, address: int) -> Iterator[int]:
-    """The classes of layout that a header names: of a sound one the only one."""
+    """Yield the layout classes that a header names; a sound header names one."""
     head = block_of(source, address, 32)
     if head[:5] == b"OHDR\x02":
         flags = head[5]
@@ -93,7 +93,7 @@ def layouts(source: Source, address: int) -> Iterator[int]:
 
 
 def block_of(source: Source, place: int, size: int) -> bytes:
-    """Some bytes of a file, as many as there are."""
+    """Return `size` bytes of a file, fewer where it ends."""
     if place >= source.size:
         return b""
     source.seek(place)

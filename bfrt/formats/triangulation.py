@@ -1,4 +1,4 @@
-"""Faces of more than three corners as triangles: of those that are not flat, of all, or of none.
+"""Faces of more than three corners as triangles: all of them, those that are not flat, or none.
 
 A polygon lies in one plane. Where a face is not flat its neighbors' planes are others, and a closed
 mesh would leak; triangles between corners share their edges with whatever is beside them. A face of
@@ -44,7 +44,7 @@ Edge = tuple[int, int]
 
 
 class Triangulation:
-    """Which faces of a file become triangles, and what is to be told of them at its end."""
+    """Decides which faces of a file become triangles, and counts them for a report."""
 
     def __init__(self, name: str, reading: Reading) -> None:
         self._name = name
@@ -55,7 +55,7 @@ class Triangulation:
         self._first_crossing = -1
 
     def wanted(self, corners: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Which faces are to be triangles; those that are already are among them."""
+        """Tell which faces become triangles; triangles themselves are among them."""
         if self._all:
             return np.ones(len(counts), np.bool_)
         threes: NDArray[np.bool_] = counts == 3
@@ -69,14 +69,14 @@ class Triangulation:
     def triangles(
         self, corners: NDArray[Any], counts: NDArray[np.uint32], numbers: NDArray[np.int64]
     ) -> NDArray[Any]:
-        """The triangles (t, 9) of faces, each one's k - 2 together.
+        """Cut faces into triangles (t, 9), the k - 2 of a face together.
 
         Parameters
         ----------
         corners : (m, 3) ndarray
         counts : (n,) uint32
         numbers : (n,) int64
-            Of the faces in the file.
+            Number of each face in the file.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class Triangulation:
             )
 
     def report(self) -> None:
-        """Say what became of faces."""
+        """Log how faces were cut."""
         if self._bent:
             log.warning(
                 "%s: %s faces that are not flat became %s triangles",
@@ -133,16 +133,16 @@ class Triangulation:
 def are_filled(
     outlines: NDArray[np.float64], triangles: Triangles, counts: NDArray[np.uint32]
 ) -> NDArray[np.bool_]:
-    """Whether no triangle turns the other way: those of a face have its area together.
+    """Tell for which faces no triangle turns the other way, so that they fill the face exactly.
 
     Parameters
     ----------
     outlines : (m, 2) float64
-        Of faces that turn left.
+        The outlines of faces that turn left.
     triangles : (t, 3) int64
-        Of one face after the other.
+        The triangles of one face after the other.
     counts : (n,) uint32
-        How many each has.
+        Number of corners of each face.
     """
     a, b, c = outlines[triangles.T]
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
@@ -154,7 +154,7 @@ def are_filled(
 
 
 def ears(outline: NDArray[np.float64]) -> Triangles:
-    """The n - 2 triangles of an outline (n, 2) that turns left, by their corners."""
+    """Cut an outline (n, 2) that turns left into n - 2 triangles of corner indices."""
     n = len(outline)
     found = triangulate_float64(outline, np.array([n], np.uint32)).reshape(-1, 3).astype(np.int64)
     if len(found) == n - 2:
@@ -164,13 +164,13 @@ def ears(outline: NDArray[np.float64]) -> Triangles:
 
 
 def fan(n: int) -> Triangles:
-    """Triangles around the first of n corners."""
+    """Return the triangles around the first of n corners."""
     second = np.arange(1, n - 1)
     return np.stack([np.zeros_like(second), second, second + 1], axis=1)
 
 
 def closed(triangles: Triangles, outline: NDArray[np.float64]) -> Triangles:
-    """Triangles with those that are missing between them and the outline.
+    """Return triangles with the missing ones between them and the outline added.
 
     Earcut leaves out corners on a line between two others. What is missing there is a loop of edges
     of no area, so the triangle behind its longest edge is cut up: its tip sees all the others.
@@ -197,7 +197,7 @@ def closed(triangles: Triangles, outline: NDArray[np.float64]) -> Triangles:
 
 
 def loops(edges: set[Edge]) -> Iterator[list[int]]:
-    """Edges one after the other, as loops that meet no corner twice."""
+    """Yield edges joined to loops that meet no corner twice."""
     onward: dict[int, list[int]] = {}
     for a, b in sorted(edges):
         onward.setdefault(a, []).append(b)

@@ -46,7 +46,7 @@ cdef struct Span:
 
 
 cdef inline float above(double x) noexcept nogil:
-    """The smallest float32 that is not below x."""
+    """Return the smallest float32 that is not below x."""
     return -below(-x)
 
 
@@ -62,7 +62,7 @@ cdef inline bint box_empty(const Box* b) noexcept nogil:
 
 
 cdef inline void box_between(Box* b, Vec lo, Vec hi) noexcept nogil:
-    """The box from lo to hi, rounded outwards."""
+    """Make the box from lo to hi, rounded outwards."""
     b.lo[0], b.lo[1], b.lo[2] = below(lo.x), below(lo.y), below(lo.z)
     b.hi[0], b.hi[1], b.hi[2] = above(hi.x), above(hi.y), above(hi.z)
 
@@ -88,7 +88,7 @@ cdef inline bint slab_axis(double lo, double hi, double o, double inv, Span* s) 
 
 
 cdef inline void box_grow(const Box* b, double grow, Grown* g) noexcept nogil:
-    """The box as rays meet it."""
+    """Grow a box by `grow` on all sides: the box that rays meet."""
     cdef int k
     for k in range(3):
         g.lo[k] = b.lo[k] - grow
@@ -96,7 +96,7 @@ cdef inline void box_grow(const Box* b, double grow, Grown* g) noexcept nogil:
 
 
 cdef inline bint grown_span(const Grown* g, const Line* r, Span* s) noexcept nogil:
-    """Where the line, from t = 0 on, is inside the grown box; false for nowhere."""
+    """Find where the line, from t = 0 on, is inside the grown box; false for nowhere."""
     s.near = 0.0
     s.far = INFINITY
     return (
@@ -107,7 +107,7 @@ cdef inline bint grown_span(const Grown* g, const Line* r, Span* s) noexcept nog
 
 
 cdef inline bint box_span(const Box* b, double grow, const Line* r, Span* s) noexcept nogil:
-    """The same for a box that is met once."""
+    """Find where the line is inside a box that is grown for this test alone."""
     cdef Grown g
     box_grow(b, grow, &g)
     return grown_span(&g, r, s)

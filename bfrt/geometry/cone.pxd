@@ -34,7 +34,7 @@ cdef inline bint cone_load(const unsigned char* record, const Frame* f, Cone* c)
 
 
 cdef inline void cone_bounds(const Cone* c, Box* b) noexcept nogil:
-    """The box of the two discs: r sin(angle to the axis) either way of a center.
+    """Compute the box of the two discs: r sin(angle to the axis) either way of a center.
 
     The sine comes from the other two components: 1 - cos^2 would lose half its digits.
     """
@@ -48,7 +48,7 @@ cdef inline void cone_bounds(const Cone* c, Box* b) noexcept nogil:
 
 cdef inline bint cone_root(double t, double shift, double s0, double ds, const Span* span,
                            double* found) noexcept nogil:
-    """Whether the root t, counted from `shift`, is between the discs and in the span."""
+    """Take the root t, counted from `shift`, if it is between the discs and in the span."""
     cdef double s = s0 + t * ds
     t += shift
     if 0.0 <= s <= 1.0 and t > 0.0 and span.near <= t <= span.far:
@@ -105,7 +105,7 @@ cdef inline bint cone_roots(const Cone* c, const Line* l, ConeRoots* r) noexcept
 
 cdef inline bint cone_hit(const Cone* c, const Line* l, const Span* span,
                           double* t) noexcept nogil:
-    """The smallest root in the span that lies between the discs."""
+    """Find the smallest root in the span that lies between the discs."""
     cdef ConeRoots r
     return cone_roots(c, l, &r) and (
         cone_root(r.roots[0], r.shift, r.s0, r.ds, span, t)
@@ -115,7 +115,7 @@ cdef inline bint cone_hit(const Cone* c, const Line* l, const Span* span,
 
 cdef inline int cone_crossings(const Cone* c, const Line* l, const Span* span,
                                double* t) noexcept nogil:
-    """All of them, up to two, ascending; a tangent has one. How many they are."""
+    """Find all crossings, up to two, ascending; return how many. A tangent has one."""
     cdef ConeRoots r
     cdef int n = 0
     if not cone_roots(c, l, &r):
@@ -127,7 +127,7 @@ cdef inline int cone_crossings(const Cone* c, const Line* l, const Span* span,
 
 
 cdef inline Vec cone_normal(const Cone* c, Vec p) noexcept nogil:
-    """Across the axis, leaning towards the narrow end; the axis itself at an apex."""
+    """Return the normal: across the axis, leaning to the narrow end; the axis itself at an apex."""
     cdef Vec q = sub(p, c.base)
     cdef double s = dot(q, c.axis) / c.length2
     cdef Vec out = along(q, c.axis, -s)

@@ -8,14 +8,14 @@ cdef struct Frame:
 
 
 cdef inline double number(const unsigned char* record, Py_ssize_t i, bint wide) noexcept nogil:
-    """The i-th number of a record. Records are aligned to 4 bytes, read buffers to a page."""
+    """Return a record's i-th number. Records are aligned to 4 bytes, read buffers to a page."""
     if wide:
         return (<const double*>record)[i]
     return (<const float*>record)[i]
 
 
 cdef inline Vec point(const unsigned char* record, Py_ssize_t i, const Frame* f) noexcept nogil:
-    """The position that starts at the i-th number."""
+    """Return the position that starts at the i-th number, less the origin where it is wide."""
     cdef Vec p = direction(record, i, f)
     if f.wide:
         p.x -= f.origin.x
@@ -25,7 +25,7 @@ cdef inline Vec point(const unsigned char* record, Py_ssize_t i, const Frame* f)
 
 
 cdef inline Vec direction(const unsigned char* record, Py_ssize_t i, const Frame* f) noexcept nogil:
-    """The vector that starts at the i-th number, which no origin moves."""
+    """Return the vector that starts at the i-th number, which no origin moves."""
     return vec(
         number(record, i, f.wide), number(record, i + 1, f.wide), number(record, i + 2, f.wide)
     )

@@ -20,7 +20,7 @@ cdef struct Bounds:
 
 
 cdef inline Bounds bounds_of(const double[:, ::1] corners) noexcept nogil:
-    """The bounds from corners[0] to corners[1]."""
+    """Return the bounds from corners[0] to corners[1]."""
     cdef Bounds b
     cdef int k
     for k in range(3):
@@ -31,7 +31,7 @@ cdef inline Bounds bounds_of(const double[:, ::1] corners) noexcept nogil:
 
 
 cdef inline int scale_extreme(Vec* d) noexcept nogil:
-    """Divide an extreme direction by a power of two; returns the power, 0 for none.
+    """Divide an extreme direction by a power of two; return the power, 0 for none.
 
     t counts in lengths of the direction: it is multiplied by what this has been divided by.
     """
@@ -56,7 +56,7 @@ cdef inline bint is_far(Vec o, const Bounds* b) noexcept nogil:
 
 
 cdef inline double fused(double o, double t, double d) noexcept nogil:
-    """o + t d, rounded about once, however much of it cancels.
+    """Return o + t d, rounded about once, however much of it cancels.
 
     What is rounded off the product is had by fma, what is rounded off the sum by Knuth's two-sum.
     """
@@ -71,13 +71,13 @@ cdef inline Vec fused_along(Vec o, double t, Vec d) noexcept nogil:
 
 
 cdef inline double until_beside(const Line* l, const Bounds* b) noexcept nogil:
-    """The t at which the line passes the middle of the bounds, along its steepest axis."""
+    """Return the t at which the line passes the middle of the bounds, along its steepest axis."""
     cdef int k = steepest(l.d)
     return ((b.lo[k] + 0.5 * (b.hi[k] - b.lo[k])) - (&l.o.x)[k]) / (&l.d.x)[k]
 
 
 cdef inline double advance_far(Line* l, const Bounds* b) noexcept nogil:
-    """Move a far origin along its ray to two diagonals before the bounds; returns the t of that.
+    """Move a far origin along its ray to two diagonals before the bounds; return the t of that.
 
     A t has 53 binary digits, so that of a long move the last is a long way. The move is made as t
     says, rounded once, and what is left is moved again. Then the origin goes back, for it is beside

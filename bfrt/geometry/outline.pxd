@@ -29,7 +29,7 @@ cdef struct Shear:
 
 
 cdef inline Vec permuted(Vec p, int k) noexcept nogil:
-    """The components, turned so that axis k comes last."""
+    """Return the components, turned so that axis k comes last."""
     if k == 0:
         return vec(p.y, p.z, p.x)
     if k == 1:
@@ -38,14 +38,14 @@ cdef inline Vec permuted(Vec p, int k) noexcept nogil:
 
 
 cdef inline int steepest(Vec d) noexcept nogil:
-    """The axis of the largest magnitude."""
+    """Return the axis of the largest magnitude."""
     if fabs(d.x) >= fabs(d.y) and fabs(d.x) >= fabs(d.z):
         return 0
     return 1 if fabs(d.y) >= fabs(d.z) else 2
 
 
 cdef inline Shear shear_along(const Line* l) noexcept nogil:
-    """How vertices are sheared by a ray."""
+    """Compute how a ray shears vertices, so that it becomes the z axis."""
     cdef Shear s
     s.o = l.o
     s.k = steepest(l.d)
@@ -54,14 +54,14 @@ cdef inline Shear shear_along(const Line* l) noexcept nogil:
 
 
 cdef inline Vec sheared(const Shear* s, Vec p) noexcept nogil:
-    """p seen along the ray: its distance from the ray in x and y, its t in z."""
+    """Return p as seen along the ray: its offset from the ray in x and y, its t in z."""
     cdef Vec q = permuted(sub(p, s.o), s.k)
     cdef double t = q.z / s.d.z
     return vec(q.x - t * s.d.x, q.y - t * s.d.y, t)
 
 
 cdef inline double edge_side(Vec a, Vec b) noexcept nogil:
-    """a x b, of the right sign: above 0 where the edge has the ray on its left, 0 on its line.
+    """Return a x b, of exact sign: above 0 where the edge has the ray on its left, 0 on it.
 
     A difference of rounded products has the right sign or is 0. Then the products are equal, and
     what was rounded off decides (Dekker's product, by fma, which rounds once on any machine).
@@ -74,7 +74,7 @@ cdef inline double edge_side(Vec a, Vec b) noexcept nogil:
 
 
 cdef inline bint edge_crossed(Vec a, Vec b, double side) noexcept nogil:
-    """Whether an edge, of that side, crosses the x axis beyond the ray.
+    """Tell whether an edge with this `edge_side` crosses the x axis beyond the ray.
 
     A point on the axis counts as below it, the ray on an edge as beyond that: so each edge decides
     alike whichever way it is walked, and a face owns the ray where an odd number of its edges are
@@ -86,5 +86,5 @@ cdef inline bint edge_crossed(Vec a, Vec b, double side) noexcept nogil:
 
 
 cdef inline bint edge_met(Vec a, Vec b, double side) noexcept nogil:
-    """Whether the ray meets an edge, of that side, its ends included."""
+    """Tell whether the ray meets an edge with this `edge_side`, its ends included."""
     return side == 0.0 and a.x * b.x <= 0.0 and a.y * b.y <= 0.0

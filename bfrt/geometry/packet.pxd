@@ -1,5 +1,4 @@
-"""Eight boxes side by side, in vector lanes, and those that one line meets: what box.pxd says of
-one at a time.
+"""Eight boxes side by side in vector lanes: the work of box.pxd, for one line and eight at a time.
 
 ::
 
@@ -161,7 +160,7 @@ cdef inline void eight_clear(Eight* e, int i) noexcept nogil:
 
 
 cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil:
-    """One of them."""
+    """Return box i of the eight grown boxes."""
     cdef int k
     for k in range(3):
         one.lo[k] = g.side[k][i]

@@ -20,7 +20,7 @@ cdef inline bint patch_load(const unsigned char* record, const Frame* f, Patch* 
 
 
 cdef inline Vec patch_normal(const Patch* s, const Barycentric* at) noexcept nogil:
-    """The interpolated normal, or the face's where the vertices' cancel."""
+    """Return the interpolated normal, or the face's where the vertices' cancel."""
     cdef Vec n = add(
         scale(s.na, 1.0 - at.u - at.v), add(scale(s.nb, at.u), scale(s.nc, at.v))
     )

@@ -35,7 +35,7 @@ cdef struct Contact:
 
 
 cdef inline Vec vertex(const Polygon* s, uint32_t i) noexcept nogil:
-    """Vertex i as seen from the center."""
+    """Return vertex i as seen from the center."""
     return sub(point(s.vertices, 3 * i, &s.frame), s.center)
 
 
@@ -71,7 +71,7 @@ cdef inline bint polygon_load(const unsigned char* record, uint32_t count, const
 
 
 cdef inline void polygon_bounds(const Polygon* s, Box* b) noexcept nogil:
-    """The vertices, and where each meets the plane along the axis that is steepest to it.
+    """Compute the box of the vertices and of their places on the plane, along its steepest axis.
 
     A polygon is rarely quite flat, and a hit is on its plane: both together contain the hits of
     one that is nearly so, and a hit of any other is brought into the box.
@@ -98,7 +98,7 @@ cdef inline void polygon_bounds(const Polygon* s, Box* b) noexcept nogil:
 
 cdef inline bint polygon_plane(const Polygon* s, const Line* l, const Span* span,
                                double* t) noexcept nogil:
-    """Where the line meets the plane, brought into the span; false where that is out of it.
+    """Find where the line meets the plane, brought into the span; false if far out of it.
 
     A line that passes inside the outline does so in the span, for that is where it is in the box.
     Its t may be elsewhere by as much as the polygon is off its plane, and what was rounded, over
@@ -115,7 +115,7 @@ cdef inline bint polygon_plane(const Polygon* s, const Line* l, const Span* span
 
 
 cdef inline Contact polygon_contact(const Polygon* s, const Line* l) noexcept nogil:
-    """What the outline, as the line sees it, says of the line (outline.pxd)."""
+    """Find whether the line meets an edge, and whether the polygon owns it (outline.pxd)."""
     cdef Shear seen = shear_along(l)
     cdef Contact c
     cdef Vec a = sheared(&seen, point(s.vertices, 3 * (s.count - 1), &s.frame))
@@ -135,7 +135,7 @@ cdef inline Contact polygon_contact(const Polygon* s, const Line* l) noexcept no
 
 cdef inline bint polygon_hit(const Polygon* s, const Line* l, const Span* span,
                              double* t) noexcept nogil:
-    """Whether the line meets the polygon, edges and corners included, beyond its origin.
+    """Tell whether the line meets the polygon, edges and corners included, beyond its origin.
 
     Seen edge on, the outline is all edge: then it is a miss.
     """
@@ -148,5 +148,5 @@ cdef inline bint polygon_hit(const Polygon* s, const Line* l, const Span* span,
 
 cdef inline bint polygon_crossed(const Polygon* s, const Line* l, const Span* span,
                                  double* t) noexcept nogil:
-    """Whether the polygon owns the hit: of faces that share an edge or a corner just one does."""
+    """Tell whether the polygon owns the hit: at a shared edge or corner just one face does."""
     return polygon_plane(s, l, span, t) and polygon_contact(s, l).owned

@@ -4,7 +4,7 @@ from libc.math cimport floor, frexp, ldexp
 
 
 cdef inline double log2_of(double x) noexcept nogil:
-    """log2 of a positive number: exponent + 2/ln 2 atanh((m - 1) / (m + 1)), m near 1."""
+    """Return log2 of a positive x: exponent + 2/ln 2 atanh((m - 1) / (m + 1)), m near 1."""
     cdef int exponent
     cdef double m = frexp(x, &exponent)
     cdef double s, s2, total = 0.0
@@ -20,7 +20,7 @@ cdef inline double log2_of(double x) noexcept nogil:
 
 
 cdef inline double exp2_of(double x) noexcept nogil:
-    """2 to the x: 2^round(x) times the series of e^(f ln 2), |f| <= 1/2."""
+    """Return 2 to the x: 2^round(x) times the series of e^(f ln 2), |f| <= 1/2."""
     cdef double whole = floor(x + 0.5)
     cdef double f = (x - whole) * 0.69314718055994531
     cdef double total = 1.0
@@ -35,7 +35,7 @@ cdef inline double exp2_of(double x) noexcept nogil:
 
 
 cdef inline double power(double x, double y) noexcept nogil:
-    """x^y for x in [0, 1] or so, and y >= 0; 0^0 is 1, as in C."""
+    """Return x^y for x in [0, 1] or so, and y >= 0; 0^0 is 1, as in C."""
     if y == 0.0:
         return 1.0
     if x <= 0.0:

@@ -124,7 +124,7 @@ cdef enum:
 
 
 cdef inline void coding_in(const Box* parent, Coding* c) noexcept nogil:
-    """How boxes inside that one are coded."""
+    """Compute the steps by which boxes inside `parent` are coded."""
     cdef float step
     cdef int k
     for k in range(3):
@@ -134,7 +134,7 @@ cdef inline void coding_in(const Box* parent, Coding* c) noexcept nogil:
 
 
 cdef inline int outside(const Coding* c, int side, float x, int steps) noexcept nogil:
-    """The steps, or as much less that the side is not inside x."""
+    """Lower `steps` until the side that they code is not inside x."""
     cdef float sign = 1.0 if side < 3 else -1.0
     while steps > 0 and sign * (c.from_[side] + <float>steps * c.step[side]) > sign * x:
         steps -= 1

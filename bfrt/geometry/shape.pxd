@@ -78,7 +78,7 @@ cdef inline void shape_bounds(const Shape* s, Box* b) noexcept nogil:
 
 
 cdef inline void meet(Hitter hit, const void* shape, Meeting* meetings, int n) noexcept nogil:
-    """One kernel over a run of meetings; the compiler makes one loop for each kernel."""
+    """Run one kernel over many meetings; the compiler makes one loop for each kernel."""
     cdef int i
     for i in range(n):
         if not hit(shape, &meetings[i].line, &meetings[i].span, &meetings[i].t):
@@ -101,7 +101,7 @@ cdef inline void shape_meet(const Shape* s, Meeting* meetings, int n) noexcept n
 
 cdef inline int shape_crossings(const Shape* s, const Line* l, const Span* span,
                                 double* t) noexcept nogil:
-    """All crossings in the span, ascending; how many they are.
+    """Find all crossings in the span, ascending; return how many.
 
     A sphere or a cone has two at the most, and one where it is touched. Of faces that share an edge
     or a corner just one has a crossing there.
@@ -130,7 +130,7 @@ cdef inline void face_surface(const Triangle* s, const Line* l, Surface* out) no
 
 cdef inline void shape_surface(const Shape* s, const Line* l, double t,
                                Surface* out) noexcept nogil:
-    """The surface where the line has hit at t."""
+    """Compute the surface where the line hits at t: place, normals, uv."""
     out.place = along(l.o, l.d, t)
     out.uv.u = out.uv.v = 0.0
     if s.kind == SPHERE:

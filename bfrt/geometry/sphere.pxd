@@ -26,7 +26,7 @@ cdef inline void sphere_bounds(const Sphere* s, Box* b) noexcept nogil:
 
 cdef inline void sphere_boxes(const unsigned char* records, size_t stride, const Frame* f, int n,
                               Eight* e) noexcept nogil:
-    """The boxes of n spheres, BOXES or fewer: `sphere_bounds`, or empty."""
+    """Compute the boxes of n spheres, BOXES or fewer, as `sphere_bounds` does; else empty."""
     cdef double side[6][BOXES]  # of the high ones the negative, so that all are rounded down
     cdef Sphere s[BOXES]
     cdef double r
@@ -50,8 +50,9 @@ cdef inline void sphere_boxes(const unsigned char* records, size_t stride, const
 
 cdef inline void sphere_union(const unsigned char* records, size_t stride, const Frame* f, int n,
                               Box* all) noexcept nogil:
-    """The box around n spheres, one or more, degenerate ones too. It is rounded once, to what it is
-    when each is: of numbers that are not above others, the rounded ones are not, either."""
+    """Compute the box around n spheres, one or more, degenerate ones too. Rounding it once gives
+    what rounding each box gives, since rounding keeps numbers in order.
+    """
     cdef Vec lo = vec(INFINITY, INFINITY, INFINITY)
     cdef Vec hi = vec(-INFINITY, -INFINITY, -INFINITY)
     cdef Sphere s
@@ -66,7 +67,7 @@ cdef inline void sphere_union(const unsigned char* records, size_t stride, const
 
 
 cdef inline bint sphere_roots(const Sphere* s, const Line* l, double* roots) noexcept nogil:
-    """Where the line meets the surface, the smaller root first; false for nowhere.
+    """Find where the line meets the surface, the smaller root first; false for nowhere.
 
     The discriminant is taken at the closest approach to the center, not as b^2 - 4ac, which
     cancels for a small sphere far away (Haines et al., Ray Tracing Gems, chapter 7). The product
@@ -92,7 +93,7 @@ cdef inline bint sphere_roots(const Sphere* s, const Line* l, double* roots) noe
 
 cdef inline bint sphere_hit(const Sphere* s, const Line* l, const Span* span,
                             double* t) noexcept nogil:
-    """The smallest root in the span."""
+    """Find the smallest root in the span."""
     cdef double roots[2]
     cdef int k
     if not sphere_roots(s, l, &roots[0]):
@@ -106,7 +107,7 @@ cdef inline bint sphere_hit(const Sphere* s, const Line* l, const Span* span,
 
 cdef inline int sphere_crossings(const Sphere* s, const Line* l, const Span* span,
                                  double* t) noexcept nogil:
-    """All roots in the span, up to two, ascending; a tangent has one. How many they are."""
+    """Find all roots in the span, up to two, ascending; return how many. A tangent has one."""
     cdef double roots[2]
     cdef int k, n = 0
     if not sphere_roots(s, l, &roots[0]):

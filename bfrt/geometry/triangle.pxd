@@ -34,7 +34,7 @@ cdef inline void triangle_bounds(const Triangle* s, Box* b) noexcept nogil:
 
 cdef inline bint triangle_cut(const Triangle* s, const Line* l, double* t,
                               Barycentric* at) noexcept nogil:
-    """Where the line meets the triangle, edges and corners included (outline.pxd)."""
+    """Find where the line meets the triangle, edges and corners included (outline.pxd)."""
     cdef Shear seen = shear_along(l)
     cdef Vec a = sheared(&seen, s.a)
     cdef Vec b = sheared(&seen, s.b)
@@ -56,7 +56,7 @@ cdef inline bint triangle_cut(const Triangle* s, const Line* l, double* t,
 
 cdef inline bint triangle_hit(const Triangle* s, const Line* l, const Span* span,
                               double* t) noexcept nogil:
-    """Whether the line meets the triangle beyond its origin.
+    """Tell whether the line meets the triangle beyond its origin.
 
     It does so within the span, if it does, but for the rounding of t, which of a sliver is more
     than boxes have room for: t is brought into the span, and no ray passes for that.
@@ -70,7 +70,7 @@ cdef inline bint triangle_hit(const Triangle* s, const Line* l, const Span* span
 
 cdef inline bint triangle_crossed(const Triangle* s, const Line* l, const Span* span,
                                   double* t) noexcept nogil:
-    """Whether the triangle owns the hit: of those that share an edge or a corner just one does."""
+    """Tell whether the triangle owns the hit: at a shared edge or corner just one does."""
     cdef Shear seen
     cdef Vec a, b, c
     if not triangle_hit(s, l, span, t):
@@ -85,7 +85,7 @@ cdef inline bint triangle_crossed(const Triangle* s, const Line* l, const Span* 
 
 
 cdef inline Vec triangle_place(const Triangle* s, const Barycentric* at) noexcept nogil:
-    """The point of these weights: on the triangle within rounding, however thin that is."""
+    """Return the point of these weights: on the triangle within rounding, however thin it is."""
     return add(s.a, add(scale(sub(s.b, s.a), at.u), scale(sub(s.c, s.a), at.v)))
 
 

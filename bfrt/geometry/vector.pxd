@@ -16,8 +16,9 @@ cdef struct Vec:
     double y
     double z
 
-# A ray without its bookkeeping. inv is 1 / d, once for every use (DESIGN's exactness rule 2);
-# it is 0 where the axis never steps: d is 0, or so small that 1 / d overflows (rule 4).
+# A ray without its bookkeeping. inv is 1 / d, computed once for every use (exactness rule 2 of
+# docs/algorithm.rst); it is 0 where the axis never steps: d is 0, or so small that 1 / d overflows
+# (rule 4).
 cdef struct Line:
     Vec o
     Vec d
@@ -73,7 +74,7 @@ cdef inline Vec unit(Vec a) noexcept nogil:
 
 
 cdef inline double largest(Vec a) noexcept nogil:
-    """The largest magnitude of a component."""
+    """Return the largest magnitude of a component."""
     return larger(fabs(a.x), larger(fabs(a.y), fabs(a.z)))
 
 

@@ -23,7 +23,7 @@ MOST_CODED = HEAD + BRICK_BYTES - 1
 
 
 cdef uint8_t commonest(const uint8_t* brick) noexcept nogil:
-    """The mark that most voxels of a brick have."""
+    """Return the mark that most voxels of a brick have."""
     cdef int count[256]
     cdef int i, best = 0
     memset(&count[0], 0, sizeof(count))
@@ -67,7 +67,7 @@ def encode(const uint8_t[:, ::1] bricks, uint8_t[::1] out):
 
 
 cdef uint64_t others(const uint8_t* voxels, uint8_t common, uint8_t* out, int* k) noexcept nogil:
-    """Add those of 64 voxels that have another mark; returns the bits of those that have not."""
+    """Add the voxels, of 64, with another mark than `common`; return as bits which have it."""
     cdef uint64_t word = 0
     cdef int j
     for j in range(64):

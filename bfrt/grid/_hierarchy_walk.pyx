@@ -24,7 +24,7 @@ cdef enum:
 
 @cython.final
 cdef class HierarchyWalk:
-    """The objects of a stream that a pass has to look at, as ranges, in order.
+    """Walks a stream's hierarchy for the objects that a pass looks at, as ranges, in order.
 
     Each level is read forwards, and only those of its records whose parents are near something.
 
@@ -101,7 +101,7 @@ cdef class HierarchyWalk:
         Returns
         -------
         int
-            How many; 0 at the end.
+            Number of ranges; 0 at the end.
         """
         cdef int64_t n
         with nogil:
@@ -110,7 +110,7 @@ cdef class HierarchyWalk:
 
     cdef int64_t find(self, int64_t[:, ::1] ranges, int64_t objects,
                       float[:, ::1] parents) except -1 nogil:
-        """Do what `choose` says."""
+        """Find the ranges for `choose`, without the GIL."""
         cdef const Planes* planes = &self.grid.planes
         cdef Parent parent
         cdef bint near
@@ -145,7 +145,7 @@ cdef class HierarchyWalk:
         return n
 
     cdef int read(self, int k, Parent* parent) except -1 nogil:
-        """The next record of a level."""
+        """Read the next record of a level."""
         parent[0] = (<const Parent*>take(<Reader>self.reader[k], PARENT_BYTES))[0]
         self.next[k] += 1
         if not 0 < parent.end <= self.counts[k - 1] or parent.end < self.child[k]:
@@ -154,7 +154,7 @@ cdef class HierarchyWalk:
         return 0
 
     cdef int refuse(self, int k, int64_t end) except -1 nogil:
-        """Records of a level tell in ascending order where the children of each end."""
+        """Raise `StoreError`: records of a level have to tell ascending ends of their children."""
         with gil:
             raise StoreError(
                 f"{self.path}: level {k}: found a box whose children end at {end}, "
@@ -175,7 +175,7 @@ cdef class HierarchyWalk:
         return 0
 
     def counts_read(self):
-        """Boxes, bytes and seeks since the last call."""
+        """Return the boxes and bytes read and the seeks since the last call."""
         boxes, self.boxes_read = self.boxes_read, 0
         counts = [tape.counts() for tape in self.tapes]
         return boxes, sum(c[0] for c in counts), sum(c[1] for c in counts)

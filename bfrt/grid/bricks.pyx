@@ -1,11 +1,11 @@
-"""Voxels as bricks: those that have a mark, and where in them there is nothing."""
+"""Bricks of voxels: the bricks that have a mark, and the parts of them that have none."""
 
 from libc.stdint cimport int64_t, uint8_t
 from libc.string cimport memcpy, memset
 
 
 cdef bint any_mark(const uint8_t[:, :, ::1] marks, int64_t row, int64_t x) noexcept nogil:
-    """Whether a brick that begins at (row, x) of a layer has a mark."""
+    """Tell whether a brick that begins at (row, x) of a layer has a mark."""
     cdef int64_t k, j, i
     for k in range(marks.shape[0]):
         for j in range(row, min(row + BRICK, marks.shape[1])):
@@ -53,7 +53,7 @@ def pack(const uint8_t[:, :, ::1] marks, uint8_t[:, ::1] bricks, uint8_t[:, ::1]
     Returns
     -------
     int
-        How many.
+        Number of bricks.
     """
     cdef int64_t row, x, j, k, width, n = 0
     cdef uint8_t* brick

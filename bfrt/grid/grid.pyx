@@ -13,7 +13,7 @@ from bfrt.geometry.vector cimport Line, line, vec
 
 @cython.final
 cdef class Grid:
-    """A uniform grid of nx x ny x nz voxels.
+    """Describes a uniform grid of nx x ny x nz voxels.
 
     Parameters
     ----------
@@ -59,16 +59,16 @@ cdef class Grid:
 
     @property
     def layered(self):
-        """Voxels an axis in the order of their strides, the longest first: (layers, rows, row)."""
+        """Return the voxels an axis by descending strides: (layers, rows, row)."""
         return tuple(self.shape[k] for k in self.order[::-1])
 
     @property
     def voxels(self):
-        """How many there are."""
+        """Return the number of voxels."""
         return self.shape[0] * self.shape[1] * self.shape[2]
 
     def range_of(self, box):
-        """The voxels (lo, hi), inclusive, of a float32 box (6,)."""
+        """Return the voxels (lo, hi), inclusive, of a float32 box (6,)."""
         cdef Box b
         cdef Range r
         cdef int k
@@ -79,7 +79,7 @@ cdef class Grid:
         return (r.lo[0], r.lo[1], r.lo[2]), (r.hi[0], r.hi[1], r.hi[2])
 
     def walk(self, origin, direction, uint32_t voxel=NOWHERE, int face=0, int shift=0):
-        """The voxels on a ray's way: a list of (voxel, face, t of entry).
+        """Return the voxels that a ray goes through: a list of (voxel, face, t of entry).
 
         With `voxel` and `face` the walk is taken up there, as from a stored state. With `shift`
         it goes from cube to cube of 2^shift voxels a side, to the first voxel in each.

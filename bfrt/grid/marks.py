@@ -65,13 +65,13 @@ Bytes = NDArray[np.uint8]
 
 
 def bricks_of(layered: Shape) -> Shape:
-    """Bricks an axis, of voxels an axis."""
+    """Return the number of bricks an axis, for a number of voxels an axis."""
     a, b, c = (-(-n // BRICK) for n in layered)
     return (a, b, c)
 
 
 class Layout(NamedTuple):
-    """What marks are of.
+    """Identifies what marks describe: a grid, and the boxes marked in it.
 
     Attributes
     ----------
@@ -89,23 +89,23 @@ class Layout(NamedTuple):
 
     @property
     def bricks(self) -> Shape:
-        """How many: (layers, rows of a layer, bricks of a row)."""
+        """Return the number of bricks: (layers, rows of a layer, bricks of a row)."""
         rest = [n for k, n in enumerate(self.shape) if k != self.axis]
         return bricks_of((self.shape[self.axis], rest[1], rest[0]))
 
     @property
     def data_at(self) -> int:
-        """Where the first brick begins in the file."""
+        """Return the offset of the first brick in the file, bytes."""
         bits = -(-math.prod(self.bricks) // 8)
         return HEADER.size + CRC.size + LAYER_BYTES * self.bricks[0] + bits
 
     def most_bytes(self, bricks: int) -> int:
-        """Of a file of so many bricks, at the most."""
+        """Return an upper bound of the file's bytes for a number of bricks."""
         return self.data_at + bricks * MOST_CODED
 
 
 class Marks:
-    """Marks in a file, of which only the tables are in memory.
+    """Gives access to the marks of a file, of which only the tables are in memory.
 
     The file stays open, so that it does not matter if another render replaces it meanwhile.
 
@@ -114,7 +114,7 @@ class Marks:
     occupied : ndarray of uint8, shape (layers, rows, bricks of a row)
         Which bricks are kept: 0 or 1.
     first : ndarray of int64, shape (layers + 1,)
-        How many bricks come before each layer's.
+        Number of bricks before each layer.
     at : ndarray of int64, shape (layers + 1,)
         Where each layer begins in the file, and the last ends.
     """
@@ -164,7 +164,7 @@ class Marks:
 
 
 def marks_path(store: Store, group: Group, scratch: Path) -> Path:
-    """In the store, or in the scratch folder where the store is read-only."""
+    """Return the path of a group's marks: in the store, or in `scratch` if that is read-only."""
     home = store.path / str(group.number)
     if os.access(home if home.is_dir() else store.path, os.W_OK):
         return home / "marks"
@@ -172,12 +172,12 @@ def marks_path(store: Store, group: Group, scratch: Path) -> Path:
 
 
 class MarksWriter:
-    """The bricks of a grid, layer by layer.
+    """Writes the bricks of a grid, layer by layer.
 
     Attributes
     ----------
     marks : Marks
-        What was written, when all of it is.
+        The marks written, when all layers are.
     """
 
     def __init__(self, file: io.FileIO, path: Path, layout: Layout) -> None:
@@ -192,7 +192,7 @@ class MarksWriter:
         file.seek(layout.data_at)
 
     def add(self, bricks: Bytes, occupied: Bytes) -> None:
-        """The next layer: its bricks (n, 512), and which those are, (rows, bricks of a row)."""
+        """Add the next layer: its bricks (n, 512), and which are kept, (rows, bricks of a row)."""
         self.occupied[self._layer] = occupied
         self.crcs[self._layer] = zlib.crc32(bricks.data) if len(bricks) else 0
         for first in range(0, len(bricks), CODED):
@@ -205,7 +205,7 @@ class MarksWriter:
 
 @contextmanager
 def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWriter]:
-    """Marks that take their name when all layers are written."""
+    """Yield a writer of marks, whose file takes its name when all layers are written."""
     with aside(path) as temporary, temporary.open("wb", buffering=0) as file:
         writer = MarksWriter(file, path, layout)
         yield writer
@@ -222,7 +222,7 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
 
 
 def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
-    """The marks of this layout, if there are any.
+    """Open the marks of this layout; None where there are none.
 
     Raises
     ------
@@ -254,8 +254,10 @@ def verify_marks(store: Store, group: Group) -> None:
 def _read_tables(
     path: Path, *, verified: bool
 ) -> tuple[Layout, int, Bytes, NDArray[np.uint32], NDArray[np.int64]] | None:
-    """Layout, the store's checksum; occupied bricks, checksums and sizes of layers; None where
-    there is no file. One of another version is refused where it is `verified`, and none else."""
+    """Return a file's layout, the store's checksum, and the occupied bricks, checksums and sizes of
+    layers; None where there is no file, or one of another version unless `verified`, which refuses
+    it.
+    """
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size

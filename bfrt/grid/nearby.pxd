@@ -31,7 +31,7 @@ cdef struct Near:
 
 
 cdef inline bint rays_near(const Box* b, const Planes* g, VoxelRays v) noexcept nogil:
-    """Whether any voxel that a box may touch holds a ray.
+    """Tell whether any voxel that a box may touch holds a ray.
 
     Arithmetic with some slack, in place of the table: it never misses a voxel of the range.
     """
@@ -43,7 +43,7 @@ cdef inline bint rays_near(const Box* b, const Planes* g, VoxelRays v) noexcept 
 
 
 cdef inline bint rays_within(const Range* r, VoxelRays v) noexcept nogil:
-    """Whether any voxel of a range holds a ray."""
+    """Tell whether any voxel of a range holds a ray."""
     cdef Range upper = uppers_of(v, r)
     cdef int x, y, z
     if longest(&upper) > FEW:
@@ -74,7 +74,7 @@ cdef inline int entries_within(const Range* r, VoxelRays v, Near* near) except -
 
 cdef inline int gather_cube(const Range* r, const Range* upper, VoxelRays v, int level, int cx,
                             int cy, int cz, Near* near) except -1 nogil:
-    """The entries of a cube's part of the range."""
+    """Gather the entries of a range that are in a cube."""
     cdef int at[3]
     cdef Range part
     cdef int k, x, y, z, below
@@ -98,7 +98,7 @@ cdef inline int gather_cube(const Range* r, const Range* upper, VoxelRays v, int
 
 cdef inline int gather_brick(const Range* r, const Range* upper, VoxelRays v, int x, int y, int z,
                              Near* near) except -1 nogil:
-    """The entries of a brick's part of the range."""
+    """Gather the entries of a range that are in a brick."""
     cdef uint64_t word = brick_word(v, x, y, z)
     cdef int bit
     if not word:
@@ -116,7 +116,7 @@ cdef inline int gather_brick(const Range* r, const Range* upper, VoxelRays v, in
 
 cdef inline int gather_upper(const Range* r, VoxelRays v, int x, int y, int z,
                              Near* near) except -1 nogil:
-    """The entries of an upper voxel's part of the range."""
+    """Gather the entries of a range that are in an upper voxel."""
     cdef int64_t upper = upper_at(v, x, y, z)
     cdef int64_t i, block, first = v.start[upper], last = v.start[upper + 1]
     cdef uint64_t word
@@ -147,7 +147,7 @@ cdef inline int gather_upper(const Range* r, VoxelRays v, int x, int y, int z,
 
 cdef inline int gather(VoxelRays v, int64_t first, int64_t last, int lower, int x, int y, int z,
                        Near* near) except -1 nogil:
-    """The entries [first, last), all of one voxel: a place in the upper voxel (x, y, z)."""
+    """Gather the entries [first, last), all of one voxel: `lower` of upper voxel (x, y, z)."""
     cdef int64_t i
     cdef int b = v.bits, mask = (1 << v.bits) - 1
     for i in range(first, last):

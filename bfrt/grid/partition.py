@@ -1,4 +1,4 @@
-"""How a grid is cut to what memory holds (the paper's section 3.2).
+"""Grids cut to the memory that there is (the paper's section 3.2).
 
 ::
 
@@ -32,12 +32,12 @@ LOWER_BITS = 2
 
 
 class Limits(NamedTuple):
-    """What memory holds, and what the caller wants.
+    """Holds the limits of a grid: what memory has room for, and what the caller asks for.
 
     Attributes
     ----------
     voxels : int
-        Of the grid, at the most.
+        The most voxels of the grid.
     slab : int
         Voxels of a slab: a layer of bricks at least.
     single : int
@@ -59,7 +59,7 @@ class Limits(NamedTuple):
 
 
 class Partition(NamedTuple):
-    """A grid, and how it is cut.
+    """Holds a grid's resolution, and how it is cut.
 
     Attributes
     ----------
@@ -81,27 +81,27 @@ class Partition(NamedTuple):
 
     @property
     def uppers(self) -> int:
-        """How many upper voxels."""
+        """Return the number of upper voxels."""
         return uppers_of(self.shape, self.lower_bits)
 
     @property
     def bricks(self) -> int:
-        """How many bricks, were all of them there."""
+        """Return the number of bricks, empty ones included."""
         return math.prod(bricks_of(self.shape))
 
 
 def uppers_of(shape: Shape, bits: int) -> int:
-    """Upper voxels that cover a grid."""
+    """Return the number of upper voxels, 2^bits voxels a side, that cover a grid."""
     return math.prod(-(-n >> bits) for n in shape)
 
 
 def longest(shape: Shape) -> int:
-    """The longest axis; of equal ones the last."""
+    """Return the longest axis; of equal ones the last."""
     return max(range(3), key=lambda k: (shape[k], k))
 
 
 def resolution(bounds: Bounds, voxels: float) -> Shape:
-    """Voxels an axis: cubic ones, about so many.
+    """Return the voxels an axis of a grid of about `voxels` cubic ones.
 
     The rule is Klimaszewski and Sederberg's (1997).
     """
@@ -113,14 +113,14 @@ def resolution(bounds: Bounds, voxels: float) -> Shape:
 
 
 def along_longest(bounds: Bounds, most: int) -> Shape:
-    """Cubic voxels, so many on the longest axis."""
+    """Return the voxels an axis of a grid of cubic ones, `most` of them on the longest axis."""
     sides = bounds.grid_sides()
     x, y, z = np.maximum(1, np.rint(sides / sides.max() * most)).astype(np.int64).tolist()
     return (x, y, z)
 
 
 def partition_of(group: Group, limits: Limits) -> Partition:
-    """The grid of a group.
+    """Choose the grid of a group.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def partition_of(group: Group, limits: Limits) -> Partition:
 
 
 def partition(bounds: Bounds, objects: int, limits: Limits) -> Partition | None:
-    """The grid for so many objects; None where one is asked for that memory does not hold."""
+    """Choose the grid for a number of objects; None if memory cannot hold the one asked for."""
     if bounds.empty or objects == 0 or not bounds.grid_sides().all():
         return Partition((1, 1, 1), 2, 0)  # nothing, or one point: any voxel will do
     if limits.grid is not None:
@@ -153,7 +153,7 @@ def partition(bounds: Bounds, objects: int, limits: Limits) -> Partition | None:
 
 
 def cut(shape: Shape, limits: Limits) -> Partition | None:
-    """Slabs and upper voxels of a grid; None where they are more than memory holds."""
+    """Cut a grid into slabs and upper voxels; None where memory cannot hold them."""
     axis = longest(shape)
     bricks = bricks_of(shape)
     layer = math.prod(bricks) // bricks[axis] * BRICK_BYTES
@@ -169,7 +169,7 @@ def cut(shape: Shape, limits: Limits) -> Partition | None:
 
 
 def subspaces(layered: Shape, most: int) -> Iterator[tuple[int, int]]:
-    """First layer of voxels and end of each: whole bricks, up to `most` voxels, but at least one.
+    """Yield each subspace's first layer and end: whole bricks of `most` voxels, one at least.
 
     The paper's are cubes, for most parent boxes lie outside one (its figure 3). Few parents are cut
     either way where they are small; but what lies in a cube comes in many short runs, and the gaps

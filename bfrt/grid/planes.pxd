@@ -40,12 +40,12 @@ cdef struct Range:
     int hi[3]  # inclusive
 
 cdef inline int layer_of(const Planes* g, int k, uint32_t voxel) noexcept nogil:
-    """Where a voxel is along an axis."""
+    """Return the index of a voxel along an axis."""
     return <int>(voxel // <uint32_t>g.stride[k] % <uint32_t>g.n[k])
 
 
 cdef inline int locate(const Planes* g, int k, double x) noexcept nogil:
-    """The voxel of axis k that holds x, by the table; clamped to the grid."""
+    """Return the voxel of axis k that holds x, by the table; clamped to the grid."""
     cdef const double* plane = g.plane[k]
     cdef int last = g.n[k] - 1
     cdef double guess = (x - plane[0]) * g.inverse[k]
@@ -62,13 +62,13 @@ cdef inline int locate(const Planes* g, int k, double x) noexcept nogil:
 
 
 cdef inline int roughly(const Planes* g, int k, double x, double slack) noexcept nogil:
-    """The voxel of axis k that holds x, by arithmetic, moved by `slack` voxels."""
+    """Return the voxel of axis k that holds x, by arithmetic, moved by `slack` voxels."""
     cdef double guess = (x - g.plane[k][0]) * g.inverse[k] + slack
     return <int>smaller(larger(guess, 0.0), g.n[k] - 1)
 
 
 cdef inline Range rough_range(const Planes* g, const Box* b) noexcept nogil:
-    """The voxels that a box may touch: by arithmetic, never one less."""
+    """Return the voxels that a box may touch: by arithmetic, never one less."""
     cdef Range r
     cdef int k
     for k in range(3):
@@ -78,13 +78,13 @@ cdef inline Range rough_range(const Planes* g, const Box* b) noexcept nogil:
 
 
 cdef inline int located(const Planes* g, int k, double x) noexcept nogil:
-    """What `locate` says; the table is asked only where arithmetic may differ from it."""
+    """Return what `locate` does; the table is asked only where arithmetic may differ from it."""
     cdef int low = roughly(g, k, x, -g.slack[k])
     return low if low == roughly(g, k, x, g.slack[k]) else locate(g, k, x)
 
 
 cdef inline void box_range(const Planes* g, const Box* b, Range* r) noexcept nogil:
-    """The voxels of the box grown by 2d (rule 3)."""
+    """Find the voxels of the box grown by 2d (rule 3)."""
     cdef int k
     for k in range(3):
         r.lo[k] = located(g, k, b.lo[k] - 2.0 * g.grow)
@@ -92,7 +92,7 @@ cdef inline void box_range(const Planes* g, const Box* b, Range* r) noexcept nog
 
 
 cdef inline int entered_by(const Range* r, int x, int y, int z) noexcept nogil:
-    """The faces, as bits, by which a ray comes into the range at a voxel of it.
+    """Return the faces, as bits, by which a ray comes into the range at a voxel of it.
 
     START always counts: the walk began inside.
     """

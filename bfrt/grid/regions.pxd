@@ -95,7 +95,7 @@ cdef extern from *:
 
 
 cdef inline void sides_of(const Planes* g, Sides* s) noexcept nogil:
-    """What `eight_voxels` has to know of a grid."""
+    """Copy the grid's planes to the form that `eight_voxels` works with."""
     cdef int j, k
     for j in range(SIDES):
         k = j // BOXES % 3
@@ -108,7 +108,7 @@ cdef inline void sides_of(const Planes* g, Sides* s) noexcept nogil:
 
 cdef inline void eight_voxels(const Planes* g, const Sides* s, const Eight* e,
                               Voxels* v) noexcept nogil:
-    """The voxels of each, as `box_range` says; of an empty one a range that nothing is in."""
+    """Find the voxels of each box, as `box_range` does; an empty one gets a range without any."""
     cdef int i, k
     if voxels_unsure(s, e, v):
         for i in range(BOXES):
@@ -118,7 +118,7 @@ cdef inline void eight_voxels(const Planes* g, const Sides* s, const Eight* e,
 
 
 cdef inline Range range_at(const Voxels* v, int i) noexcept nogil:
-    """The voxels of one of them."""
+    """Return the voxels of box i."""
     cdef Range r
     cdef int k
     for k in range(3):

@@ -1,5 +1,5 @@
-"""Which objects a pass looks at: all, or those below the boxes of the hierarchy that are near what
-the pass is about."""
+"""The objects that a pass looks at: all, or those whose parents in the hierarchy are near its rays
+or its subspace."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Where = VoxelRays | Subspace
 
 
 class Selection:
-    """The objects of a group that a pass looks at, stream by stream.
+    """Selects the objects of a group that a pass looks at, stream by stream.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Selection:
         return ChosenObjects(self._scans, stream, walk, self._batches)
 
     def count(self, phase: Phase) -> int:
-        """Take over what walks have read; return the boxes."""
+        """Add the bytes and seeks of walks to a phase; return the boxes read."""
         counts = [walk.counts_read() for walk in self._walks.values()]
         phase.bytes_read += sum(c[1] for c in counts)
         phase.seeks += sum(c[2] for c in counts)

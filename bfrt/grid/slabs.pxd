@@ -1,4 +1,4 @@
-"""The slab that is in memory, and where the bricks of all are, as walks look them up."""
+"""The slab in memory and the table of all bricks, as walks look them up."""
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
@@ -35,7 +35,7 @@ cdef class Slabs:
 
 
 cdef inline int32_t brick_at(const Slab* s, const int* at) noexcept nogil:
-    """Where the brick of a voxel is, or EMPTY_BRICK, or EMPTY_CUBE."""
+    """Return the index of the brick that a voxel is in, or EMPTY_BRICK, or EMPTY_CUBE."""
     return s.table[
         (at[0] >> BRICK_SHIFT) * s.stride[0] + (at[1] >> BRICK_SHIFT) * s.stride[1]
         + (at[2] >> BRICK_SHIFT) * s.stride[2]
@@ -43,7 +43,7 @@ cdef inline int32_t brick_at(const Slab* s, const int* at) noexcept nogil:
 
 
 cdef inline uint8_t mark_at(const Slab* s, int64_t brick, const int* at) noexcept nogil:
-    """The marks of a voxel of a brick."""
+    """Return the marks of a voxel of a brick."""
     return s.bricks[
         (brick - s.first_brick) * BRICK_BYTES + ((at[0] & (BRICK - 1)) << s.shift[0])
         + ((at[1] & (BRICK - 1)) << s.shift[1]) + ((at[2] & (BRICK - 1)) << s.shift[2])

@@ -21,7 +21,7 @@ TABLED_BYTES = 4 + 1 + 0.125 + 1
 
 
 def table_of(occupied):
-    """Where each brick is among those that are kept; or `EMPTY_BRICK`, or `EMPTY_CUBE`."""
+    """Return each brick's index among those that are kept; or `EMPTY_BRICK`, or `EMPTY_CUBE`."""
     table = np.cumsum(occupied.reshape(-1), dtype=np.int32).reshape(occupied.shape)
     table -= 1
     table[occupied == 0] = EMPTY_BRICK
@@ -39,7 +39,7 @@ def table_of(occupied):
 
 
 def cuts_of(bricks, capacity):
-    """The first layer of each slab, and the one beyond the last: layers have so many bricks."""
+    """Return the first layer of each slab, and the end; `bricks` has the count of each layer."""
     cuts, first, held = [0], 0, 0
     for layer, n in enumerate(bricks.tolist()):
         if held + n > capacity and layer > first:
@@ -52,13 +52,13 @@ def cuts_of(bricks, capacity):
 
 @cython.final
 cdef class Slabs:
-    """The marks of a grid, of which one slab is in memory.
+    """Holds the marks of a grid, of which one slab is in memory.
 
     Parameters
     ----------
     grid : Grid
         The grid.
-    marks : bfrt.planes.marks.Marks
+    marks : bfrt.grid.marks.Marks
         Its marks.
     room : int
         Bytes of a slab; one layer is taken even where it has more. The memory is taken here.
@@ -67,7 +67,7 @@ cdef class Slabs:
     Attributes
     ----------
     count : int
-        How many slabs there are.
+        Number of slabs.
     table : ndarray of int32, shape (layers, rows, bricks of a row)
         Where each brick is.
     slab_of : ndarray of int32, shape (layers,)
@@ -101,13 +101,12 @@ cdef class Slabs:
 
     @staticmethod
     def bytes(bricks, room):
-        """Return the bytes of a slab of a grid of so many bricks, and of the table that tells where
-        they are.
+        """Return the bytes of a slab and of the table of bricks, for a grid of `bricks` bricks.
 
         Parameters
         ----------
         room : int
-            Bytes of a slab at the most.
+            The most bytes of a slab.
         """
         return int(min(bricks * BRICK_BYTES, room) + bricks * TABLED_BYTES)
 

@@ -13,7 +13,7 @@ cdef class Subspace:
 
 
 cdef inline bint box_near(const Box* b, const Planes* g, Subspace s) noexcept nogil:
-    """Whether a box may have a voxel in the subspace: by arithmetic with slack, never missing."""
+    """Tell whether a box may have a voxel in the subspace: with slack, so that none is missed."""
     cdef int k = s.axis
     return (
         not box_empty(b)

@@ -7,7 +7,7 @@ from bfrt.grid.grid cimport Grid
 
 @cython.final
 cdef class Subspace:
-    """Some layers of voxels.
+    """Describes some layers of voxels of a grid.
 
     Parameters
     ----------

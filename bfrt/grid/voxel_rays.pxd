@@ -84,24 +84,24 @@ cdef inline int entry_face(uint64_t entry) noexcept nogil:
 
 
 cdef inline uint32_t voxel_of(VoxelRays v, const int* at) noexcept nogil:
-    """What an entry calls a voxel."""
+    """Return the number of a voxel in entries: its upper voxel's, then its place in that."""
     cdef int b = v.bits, mask = (1 << v.bits) - 1
     cdef uint32_t upper = <uint32_t>((at[0] >> b) + v.n[0] * ((at[1] >> b) + v.n[1] * (at[2] >> b)))
     return upper << 3 * b | (at[0] & mask) | (at[1] & mask) << b | (at[2] & mask) << 2 * b
 
 
 cdef inline int lower_of(VoxelRays v, uint64_t entry) noexcept nogil:
-    """Where in its upper voxel an entry's voxel is."""
+    """Return the place of an entry's voxel in its upper voxel."""
     return <int>(entry_voxel(entry) & ((1 << 3 * v.bits) - 1))
 
 
 cdef inline int64_t upper_at(VoxelRays v, int x, int y, int z) noexcept nogil:
-    """The number of an upper voxel."""
+    """Return the number of an upper voxel."""
     return x + v.n[0] * (y + v.n[1] * <int64_t>z)
 
 
 cdef inline Range uppers_of(VoxelRays v, const Range* r) noexcept nogil:
-    """The upper voxels that have some of the voxels of a range."""
+    """Return the upper voxels that contain some of the voxels of a range."""
     cdef Range upper
     cdef int k
     for k in range(3):
@@ -111,18 +111,18 @@ cdef inline Range uppers_of(VoxelRays v, const Range* r) noexcept nogil:
 
 
 cdef inline uint64_t brick_word(VoxelRays v, int x, int y, int z) noexcept nogil:
-    """Which upper voxels of a brick hold rays: bit x + 4 y + 16 z."""
+    """Return as bits x + 4 y + 16 z which upper voxels of a brick hold rays."""
     return v.bricks[x + v.level_size[1][0] * (y + v.level_size[1][1] * <int64_t>z)]
 
 
 cdef inline bint occupied(VoxelRays v, int level, int x, int y, int z) noexcept nogil:
-    """Whether a cube of a level above the first holds any ray."""
+    """Tell whether a cube of a level above the first holds any ray."""
     cdef int* size = &v.level_size[level][0]
     return v.cubes[v.level_begin[level] + x + size[0] * (y + size[1] * <int64_t>z)]
 
 
 cdef inline int run(int lo, int hi, int cube, int bits) noexcept nogil:
-    """Bits lo to hi of an axis, as far as they are in a cube of 2^bits a side."""
+    """Return lo to hi of an axis as bits, cut to a cube of 2^bits a side."""
     cdef int last = (1 << bits) - 1
     lo -= cube << bits
     hi -= cube << bits
@@ -132,7 +132,7 @@ cdef inline int run(int lo, int hi, int cube, int bits) noexcept nogil:
 
 
 cdef inline uint64_t spread(int bits, int apart) noexcept nogil:
-    """Four bits, moved apart."""
+    """Return four bits, moved apart."""
     return (
         <uint64_t>(bits & 1) | <uint64_t>(bits >> 1 & 1) << apart
         | <uint64_t>(bits >> 2 & 1) << 2 * apart | <uint64_t>(bits >> 3 & 1) << 3 * apart
@@ -140,7 +140,7 @@ cdef inline uint64_t spread(int bits, int apart) noexcept nogil:
 
 
 cdef inline uint64_t cube_word(const Range* r, int x, int y, int z, int bits) noexcept nogil:
-    """The part of a range in cube (x, y, z) of 2^bits a side, which holds some of it."""
+    """Return as bits the voxels of a range in cube (x, y, z) of 2^bits a side; there are some."""
     return (
         <uint64_t>run(r.lo[0], r.hi[0], x, bits) * spread(run(r.lo[1], r.hi[1], y, bits), 1 << bits)
         * spread(run(r.lo[2], r.hi[2], z, bits), 1 << 2 * bits)
@@ -148,7 +148,7 @@ cdef inline uint64_t cube_word(const Range* r, int x, int y, int z, int bits) no
 
 
 cdef inline int64_t block_of(VoxelRays v, int64_t upper) noexcept nogil:
-    """The block of an upper voxel with a crowd of rays, or -1."""
+    """Return the block of an upper voxel with a crowd of rays, or -1."""
     cdef uint64_t mask = (<uint64_t>1 << v.place_bits) - 1
     cdef uint64_t at = place_of(v, <uint32_t>upper)
     while v.places[at]:
@@ -159,12 +159,12 @@ cdef inline int64_t block_of(VoxelRays v, int64_t upper) noexcept nogil:
 
 
 cdef inline uint64_t place_of(VoxelRays v, uint32_t upper) noexcept nogil:
-    """Where the hash table is looked at first: Fibonacci hashing (Knuth, volume 3, 6.4)."""
+    """Return where to look first in the hash table: Fibonacci hashing (Knuth, volume 3, 6.4)."""
     return upper * <uint64_t>0x9E3779B97F4A7C15 >> (64 - v.place_bits)
 
 
 cdef inline bint upper_within(VoxelRays v, const Range* r, int x, int y, int z) noexcept nogil:
-    """Whether an upper voxel that holds rays has one in a range that it has a part of."""
+    """Tell whether an upper voxel that holds rays has one in a range that reaches into it."""
     cdef uint64_t word
     cdef int64_t upper, block, i
     if v.bits == 0:
@@ -183,7 +183,7 @@ cdef inline bint upper_within(VoxelRays v, const Range* r, int x, int y, int z) 
 
 cdef inline bint brick_within(VoxelRays v, const Range* r, const Range* upper, int x, int y,
                               int z) noexcept nogil:
-    """Whether any upper voxel of a brick has a ray in a range that it has a part of."""
+    """Tell whether a brick of upper voxels has a ray in a range that reaches into it."""
     cdef uint64_t word = brick_word(v, x, y, z)
     cdef int bit
     if not word:
@@ -199,7 +199,7 @@ cdef inline bint brick_within(VoxelRays v, const Range* r, const Range* upper, i
 
 
 cdef inline int longest(const Range* upper) noexcept nogil:
-    """A range's longest side, less one."""
+    """Return a range's longest side, less one."""
     cdef int k, side = 0
     for k in range(3):
         side = max(side, upper.hi[k] - upper.lo[k])
@@ -207,7 +207,7 @@ cdef inline int longest(const Range* upper) noexcept nogil:
 
 
 cdef inline int covering_level(VoxelRays v, const Range* upper) noexcept nogil:
-    """The finest level of which few cubes cover the upper voxels of a range."""
+    """Return the finest level of which few cubes cover the upper voxels of a range."""
     cdef int level = 1, side = longest(upper)
     while level < v.levels and side >> (BRICK_BITS * level) > 1:
         level += 1

@@ -26,7 +26,7 @@ cdef enum:
 
 
 cdef inline int key_of(uint64_t entry, int keys, int shift) noexcept nogil:
-    """Bits of an entry's voxel; keys is a power of two."""
+    """Return some bits of an entry's voxel; keys is a power of two."""
     return <int>(entry_voxel(entry) >> shift) & (keys - 1)
 
 
@@ -51,7 +51,7 @@ cdef void swap_into_place(uint64_t* entries, int64_t* next_of, const int64_t* en
 
 @cython.final
 cdef class VoxelRays:
-    """Candidates of one pass, by voxel.
+    """Stores the candidates of one pass by their voxels.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ cdef class VoxelRays:
 
     @staticmethod
     def bytes(uppers, blocks):
-        """Bytes of a store of so many upper voxels and lower-level blocks."""
+        """Return the bytes of a store with this many upper voxels and lower-level blocks."""
         return int(uppers * UPPER_BYTES + blocks * BLOCK_BYTES)
 
     def sort(self, uint64_t[::1] slots, int64_t n, workers):
@@ -262,8 +262,9 @@ cdef class VoxelRays:
             self.visit(NULL, least, left)
 
     cdef void visit(self, int64_t* histogram, int64_t least, int64_t left) noexcept nogil:
-        """Go over the upper voxels that hold rays: count those of each number of rays, or give
-        blocks to those with more rays than `least`, and to the first `left` that have as many."""
+        """Visit the upper voxels that hold rays: count how many have each number of rays, or give
+        blocks to all with more rays than `least`, and to the first `left` with exactly as many.
+        """
         cdef int x, y, z, bit
         cdef int64_t upper, rays, at = 0
         cdef uint64_t word
@@ -329,7 +330,7 @@ cdef class VoxelRays:
         swap_into_place(&self.entries[0], &next_of[0], &end_of[0], lowers, 0)
 
     cdef bint any_within(self, const Range* r) noexcept nogil:
-        """Whether any of the voxels of a range holds a ray."""
+        """Tell whether any voxel of a range holds a ray."""
         cdef Range upper = uppers_of(self, r)
         cdef int cube[3]
         cdef int down
@@ -344,7 +345,7 @@ cdef class VoxelRays:
 
     cdef bint cube_within(self, int level, const int* cube, const Range* r,
                           const Range* upper) noexcept nogil:
-        """The same of the part of them that a cube of some level holds."""
+        """Tell whether any voxel of a range that is in a cube of some level holds a ray."""
         cdef Range part
         cdef int at[3]
         cdef int k, below = BRICK_BITS * (level - 1)

@@ -33,7 +33,7 @@ cdef inline double crossing(const Walk* w, int k, int plane) noexcept nogil:
 
 
 cdef inline double axis_enter(const Walk* w, int k) noexcept nogil:
-    """Where the ray comes into its voxel's layer of axis k."""
+    """Return the t at which the ray comes into its voxel's layer of axis k."""
     if w.step[k] == 0:
         return -INFINITY
     return crossing(w, k, w.at[k] + (w.step[k] < 0))
@@ -76,7 +76,7 @@ cdef inline void walk_settle(Walk* w) noexcept nogil:
 
 
 cdef inline int entry_axis(const Walk* w, double start) noexcept nogil:
-    """The axis by whose border plane the ray comes into the grid at t = start, or -1."""
+    """Return the axis by whose border plane the ray comes into the grid at t = start, or -1."""
     cdef int k
     for k in range(3):
         if w.step[k] > 0 and w.at[k] == 0 and axis_enter(w, k) == start:
@@ -133,7 +133,7 @@ cdef inline void walk_resume(Walk* w, const Planes* g, const Line* l, uint32_t v
 
 cdef inline double voxel_enter(const Planes* g, const Line* l, uint32_t voxel,
                                int face) noexcept nogil:
-    """Where a walk with this state came into its voxel: what walk_resume says, and no more."""
+    """Return the t at which a walk with this state came into its voxel, as walk_resume finds it."""
     if face == START:
         return 0.0
     if face % 3 == 0:
@@ -144,7 +144,7 @@ cdef inline double voxel_enter(const Planes* g, const Line* l, uint32_t voxel,
 
 
 cdef inline bint walk_step(Walk* w) noexcept nogil:
-    """On to the next voxel; false when the ray leaves the grid."""
+    """Step to the next voxel; false when the ray leaves the grid."""
     cdef int k = 0
     if w.exit[1] < w.exit[k]:
         k = 1
@@ -164,7 +164,7 @@ cdef inline bint walk_step(Walk* w) noexcept nogil:
 
 
 cdef inline bint crossed(const Walk* w, int k, int plane, double t, int axis) noexcept nogil:
-    """Whether a walk crosses a plane of axis k before it crosses, at t, one of another axis.
+    """Tell whether a walk crosses a plane of axis k before it crosses one of `axis` at t.
 
     A step takes the least exit, and of equal ones the first axis.
     """
@@ -173,7 +173,7 @@ cdef inline bint crossed(const Walk* w, int k, int plane, double t, int axis) no
 
 
 cdef inline bint walk_leave(Walk* w, int shift) noexcept nogil:
-    """On to the first voxel beyond this one's cube of 2^shift a side; false as for `walk_step`.
+    """Step to the first voxel beyond this cube of 2^shift a side; false as for `walk_step`.
 
     The walk is then where so many steps would have brought it, to the last bit: steps come in
     the order of their crossings, and all that come before the cube's own are taken.

@@ -95,7 +95,7 @@ def write_exr(
 
 
 def _attributes(metadata: Mapping[str, str], path: str | os.PathLike[str]) -> dict[str, bytes]:
-    """The metadata as OpenEXR takes it: C strings of UTF-8."""
+    """Return the metadata as OpenEXR takes it: C strings of UTF-8."""
     found = {}
     for key, text in metadata.items():
         name = f"bfrt.{key}"
@@ -126,7 +126,7 @@ def _header(
 
 
 def _check_band(band: Band, width: int, path: str | os.PathLike[str]) -> int:
-    """The number of rows of a band whose channels agree."""
+    """Return the number of rows of a band whose channels agree."""
     shapes = {pixels.shape for pixels in band.values()}
     types = {pixels.dtype for pixels in band.values()}
     shape = next(iter(shapes), ())
@@ -185,6 +185,6 @@ def _check_end(temporary: Path, channel: str, height: int, path: str | os.PathLi
 
 
 def _translated(error: OSError, temporary: Path, path: str | os.PathLike[str]) -> StreamError:
-    """OpenEXR's error as ours: it gives no number, only the system's words within its own."""
+    """Return OpenEXR's error as ours: it has no number, only the system's words inside its own."""
     number = next((n for n in (*FULL, *errno.errorcode) if os.strerror(n) in str(error)), errno.EIO)
     return refused(path, temporary.stat().st_size, OSError(number, str(error)), "writing")

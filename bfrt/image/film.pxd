@@ -21,7 +21,7 @@ cdef class Film:
 
 
 cdef inline int64_t fixed(double x) noexcept nogil:
-    """x in units of 2^-32, rounded to nearest, saturating; what is not positive is 0."""
+    """Return x in units of 2^-32, rounded to nearest, saturating; what is not positive is 0."""
     if not x > 0.0:
         return 0
     if x >= 2147483648.0:

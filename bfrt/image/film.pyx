@@ -25,7 +25,7 @@ cdef class Film:
     Parameters
     ----------
     width, height : int
-        Of the image, pixels.
+        The size of the image, pixels.
     samples : int
         A pixel; 0 means SPD's procedure: one at each corner.
     held : int, optional
@@ -48,7 +48,7 @@ cdef class Film:
         self.clear(0)
 
     def planes(self):
-        """The arrays of all elements, each with what an element has that nothing has met."""
+        """Return the arrays of all elements, each with its value where no ray has met anything."""
         return [
             (np.asarray(self.sums), 0),
             (np.asarray(self.depth_normal), (np.inf, 0, 0, 0)),
@@ -64,11 +64,11 @@ cdef class Film:
 
     @property
     def end(self):
-        """The image row after the last that is in memory."""
+        """Return the image row after the last that is in memory."""
         return min(self.row + self.held, self.shape[0] - self.corners)
 
     def elements(self):
-        """The elements [first, last) of this band that no band before had."""
+        """Return the elements [first, last) of this band that no earlier band had."""
         across = self.shape[1]
         first = self.row + (1 if self.corners and self.row else 0)
         return first * across, (self.end + self.corners) * across
@@ -87,7 +87,7 @@ cdef class Film:
         self.first = self.row * <int64_t>across
 
     def rows(self, int first, int last):
-        """Channels of the image rows [first, last), of this band: a dict of (rows, width) arrays.
+        """Return the channels of image rows [first, last) of this band: a dict of (rows, width).
 
         R G B A are float32 averages. Z, N and ids, and P and albedo where they are asked for, are
         those of sample 0 (the upper left corner in SPD's procedure) and never averaged; a miss has

@@ -1,4 +1,4 @@
-"""How a frame is held: the film and the finished image in memory, or bands of rows of it."""
+"""The memory of a frame: film and finished image whole, or one band of rows after another."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BAND_PART = 0.15
 
 
 class FrameSize(NamedTuple):
-    """What a frame is: so many pixels, each of so many samples, with channels on request.
+    """Holds a frame's size: pixels, samples of each, and channels on request.
 
     Attributes
     ----------
@@ -37,28 +37,28 @@ class FrameSize(NamedTuple):
 
     @property
     def extra(self) -> int:
-        """Bytes that a film element, and a pixel, have beyond what they always have."""
+        """Return the bytes that channels on request add to a film element, and to a pixel."""
         return sum(ON_REQUEST[name] for name in self.aovs)
 
     @property
     def image_bytes(self) -> int:
-        """Bytes of the finished image, in memory or on disk."""
+        """Return the bytes of the finished image, in memory or on disk."""
         return self.width * self.height * (PIXEL_BYTES + self.extra)
 
     def band_bytes(self, rows: int) -> int:
-        """Bytes of the film of a band of rows, while the image is on disk."""
+        """Return the bytes of the film of a band of rows, while the image is on disk."""
         corners = self.samples == 0
         elements = (self.width + corners) * (rows + corners)
         return elements * (FILM_BYTES + AOV_BYTES + self.extra) + IMAGE_BAND
 
     @property
     def whole_bytes(self) -> int:
-        """Bytes of the film, and of the image that is made of it while the film is still there."""
+        """Return the bytes of the film and of the image made from it, which exist together."""
         return self.band_bytes(self.height) + self.image_bytes
 
 
 class HeldFrame(NamedTuple):
-    """A frame of which so many rows at a time are in memory, in so many bytes."""
+    """Tells how much of a frame is in memory: `rows` at a time, which take `bytes`."""
 
     rows: int
     bytes: int

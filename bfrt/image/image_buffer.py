@@ -16,7 +16,7 @@ Channels = dict[str, npt.NDArray[Any]]
 
 
 class Canvas:
-    """A picture that grows from its first row to its last.
+    """Collects a picture from its first row to its last.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Canvas:
         self._file: Any = None
 
     def add(self, band: Channels) -> None:
-        """The next rows: an array (rows, width) of each channel."""
+        """Add the next rows: an array (rows, width) of each channel."""
         if self._scratch is None:
             self._keep(band)
         else:
@@ -60,7 +60,7 @@ class Canvas:
             write_all(self._file.fileno(), np.ascontiguousarray(rows), scratch / "image", at)
 
     def channels(self) -> Channels:
-        """The finished picture; arrays on disk are read as they are looked at."""
+        """Return the finished picture; arrays on disk are read on demand."""
         if self._file is None:
             return self._channels
         height, width = self._shape
@@ -73,7 +73,7 @@ class Canvas:
 
 
 def forget(pixels: npt.NDArray[Any]) -> None:
-    """Give back the memory of what has been read of an array on disk."""
+    """Release the memory of the parts read of an array on disk."""
     base: Any = pixels
     while base is not None and not isinstance(base, mmap.mmap):
         base = getattr(base, "base", None)

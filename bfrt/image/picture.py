@@ -23,24 +23,26 @@ BAND_BYTES = 1 << 24
 
 
 class Image:
-    """A picture in memory: color, and what the first sample of each pixel met.
+    """Holds a picture in memory: color, and what the first sample of each pixel met.
 
     Parameters
     ----------
     channels : dict of str to ndarray, shape (height, width)
-        R G B A, linear float32; and as far as they were asked for: Z (inf on a miss), N.X N.Y N.Z,
-        P.X P.Y P.Z (the position, inf on a miss), albedo.R albedo.G albedo.B (the material's color)
-        float32, id.lo id.hi uint32 (the halves of the 64-bit object id, both 0xFFFFFFFF on a
-        miss). The arrays are kept, not copied.
+        The arrays, which are kept, not copied. R G B A are needed: linear color and alpha, float32.
+        A render adds these of each pixel's first sample: Z, float32, the distance from the eye in
+        world units, inf on a miss; N.X N.Y N.Z, float32, the unit normal, 0 on a miss; id.lo
+        id.hi, uint32, the halves of the 64-bit object id, 0xFFFFFFFF on a miss; and on request P.X
+        P.Y P.Z, float32, the position in world coordinates, inf on a miss, and albedo.R albedo.G
+        albedo.B, float32, the material's color, 0 on a miss.
     metadata : dict of str to str
-        The scene and the settings that change the picture.
+        The scene and the settings that change the picture. ``.exr`` files contain it.
     stats : bfrt.stats.Stats, optional
-        What the render counted. Not part of any file.
+        The counters of the render. No file contains them.
 
     Raises
     ------
     SettingError
-        If a color channel is missing, or shapes or types are others than these.
+        If a color channel is missing, or shapes or types differ from these.
     """
 
     def __init__(
@@ -56,33 +58,33 @@ class Image:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Height and width in pixels."""
+        """Return height and width in pixels."""
         height, width = self.channels["R"].shape
         return height, width
 
     @property
     def height(self) -> int:
-        """Rows."""
+        """Return the number of rows."""
         return self.shape[0]
 
     @property
     def width(self) -> int:
-        """Columns."""
+        """Return the number of columns."""
         return self.shape[1]
 
     @property
     def rgb(self) -> npt.NDArray[np.float32]:
-        """Linear color, a new array of shape (height, width, 3)."""
+        """Return linear color, a new float32 array of shape (height, width, 3)."""
         return np.stack([self.channels[name] for name in "RGB"], axis=-1)
 
     @property
     def rgba(self) -> npt.NDArray[np.float32]:
-        """Linear color and alpha, a new array of shape (height, width, 4)."""
+        """Return linear color and alpha, a new float32 array of shape (height, width, 4)."""
         return np.stack([self.channels[name] for name in "RGBA"], axis=-1)
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """The 64-bit object ids, shape (height, width); `bfrt.records.NO_HIT` on a miss."""
+        """Return the 64-bit object ids, uint64 of shape (height, width); 2^64 - 1 on a miss."""
         if "id.lo" not in self.channels:
             raise SettingError(
                 f"image: found channels {' '.join(self.channels)}, expected id.lo and id.hi"
@@ -103,18 +105,18 @@ class Image:
 
         Parameters
         ----------
-        path : path
-            The suffix decides: ``.exr`` keeps every channel and the metadata, ``.png`` is clipped
-            8-bit sRGB without alpha, ``.npy`` is `rgba`.
+        path : path-like
+            The file to write. The suffix decides: ``.exr`` keeps every channel and the metadata,
+            ``.png`` is clipped 8-bit sRGB without alpha, ``.npy`` is `rgba`.
         half : bool
             Store color and alpha in 16 bits, clamped to +-65504; only for ``.exr``.
 
         Raises
         ------
         SettingError
-            If the suffix is another, or `half` is asked of a format that has none.
-        StreamError
-            If the system refuses a write; `DiskFullError` where it has no room.
+            If the suffix is another, or `half` is given for another format than ``.exr``.
+        DiskFullError, StreamError
+            If the system refuses a write; nothing half-written is left.
         """
         suffix = Path(path).suffix.lower()
         if suffix not in SUFFIXES:
@@ -141,7 +143,7 @@ class Image:
                 put(file, pixels.astype("<f4", copy=False).tobytes(), path)
 
     def _bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
-        """The channels by bands of rows, so that a copy of a band is all that saving takes."""
+        """Yield the channels by bands of rows, so that saving takes a copy of a band only."""
         step = max(1, BAND_BYTES // (4 * self.width * len(self.channels)))
         for row in range(0, self.height, step):
             yield {name: pixels[row : row + step] for name, pixels in self.channels.items()}

@@ -26,7 +26,7 @@ PERCEPTUAL = 0
 
 
 def _linear(encoded: float) -> float:
-    """The light that an sRGB value in 0 to 1 stands for (IEC 61966-2-1)."""
+    """Return the light that an sRGB value in 0 to 1 stands for (IEC 61966-2-1)."""
     return encoded / 12.92 if encoded <= 0.04045 else float(((encoded + 0.055) / 1.055) ** 2.4)
 
 
@@ -37,7 +37,7 @@ BORDERS = np.array([_linear((code - 0.5) / 255) for code in range(1, 256)])
 
 
 def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-    """The 8-bit sRGB codes of linear values, clipped to 0 to 1; NaN becomes 0."""
+    """Return the 8-bit sRGB codes of linear values, clipped to 0 to 1; NaN becomes 0."""
     values = np.asarray(linear, dtype=np.float64)
     codes = np.searchsorted(BORDERS, np.where(np.isnan(values), 0.0, values), side="right")
     return codes.astype(np.uint8)
@@ -75,7 +75,7 @@ def write_png(
 def encode_png(
     width: int, height: int, rows: Iterable[Mapping[str, npt.NDArray[Any]]]
 ) -> Iterator[bytes]:
-    """The bytes of a PNG file in pieces, which do not depend on how many rows come at once."""
+    """Yield the bytes of a PNG file; they do not depend on how many rows come at once."""
     yield SIGNATURE
     # 8 bits, color type 2 (RGB), then deflate, the five standard filters, not interlaced.
     yield _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
@@ -97,7 +97,7 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 
 
 def _deflated(lines: Iterable[bytes]) -> Iterator[bytes]:
-    """One call a line, so that the bytes cannot depend on the bands."""
+    """Compress line by line, so that the bytes cannot depend on the bands."""
     compressor = zlib.compressobj(DEFLATE_LEVEL)
     for line in lines:
         yield compressor.compress(line)
@@ -107,7 +107,7 @@ def _deflated(lines: Iterable[bytes]) -> Iterator[bytes]:
 def _scanlines(
     width: int, height: int, rows: Iterable[Mapping[str, npt.NDArray[Any]]]
 ) -> Iterator[bytes]:
-    """Filtered scanlines: each byte less the same color's one to the left."""
+    """Yield filtered scanlines: each byte less the same color's one to the left."""
     row = 0
     for band in rows:
         pixels = encode_srgb(np.stack([band[name] for name in "RGB"], axis=-1))

@@ -8,7 +8,7 @@ from bfrt.records cimport EYE, Queued
 
 
 cdef inline uint64_t mixed(uint64_t x) noexcept nogil:
-    """A hash: the finalizer of SplitMix64 (Steele, Lea and Flood 2014)."""
+    """Hash x: the finalizer of SplitMix64 (Steele, Lea and Flood 2014)."""
     x += <uint64_t>0x9E3779B97F4A7C15
     x = (x ^ (x >> 30)) * <uint64_t>0xBF58476D1CE4E5B9
     x = (x ^ (x >> 27)) * <uint64_t>0x94D049BB133111EB

@@ -139,7 +139,7 @@ cdef int load(Search* s, GeometryCursor g, Delays d, const Delayed* waits,
 
 
 cdef inline void meet_own_box(Search* s, Delays d, uint32_t ray) noexcept nogil:
-    """Have a delayed ray wait for the others of its object, if it meets that one's own box."""
+    """Make a delayed ray pending if it meets its object's own box, not only the quantised."""
     cdef const Ray* r = &s.rays[ray]
     cdef Meeting* m = &s.meetings[s.pending]
     m.line = ray_line(r)
@@ -200,7 +200,7 @@ cdef inline int wait_for(Search* s, StreamScan w, uint32_t ray, Vec inv, double 
 
 
 cdef int meet_box(Search* s, StreamScan w) except -1 nogil:
-    """Test the gathered rays against the box; those that meet it are pending."""
+    """Test the gathered rays against the box; rays that meet it become pending."""
     cdef Lanes* l = &s.lanes
     cdef const Ray* r
     cdef Vec inv
@@ -254,7 +254,7 @@ cdef inline void turn_to(Search* s, StreamScan w, int place) noexcept nogil:
 
 
 cdef int meet_many(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
-    """The n objects of a block, each against the rays in its voxels."""
+    """Meet the n objects of a block, each with the rays in its voxels."""
     cdef int i
     s.near.spill = keep_entering
     for i in range(n):
@@ -271,7 +271,7 @@ cdef int meet_many(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
 
 
 cdef int choose(Near* near, const Voxels* voxels, uint8_t* which) noexcept nogil:
-    """Keep the rays that enter any of the regions, and which; returns how many."""
+    """Keep the rays that enter any of the regions, and which; return how many."""
     cdef int j, n = 0
     entered(voxels, near.n, near.at, &near.face[0], which)
     for j in range(near.n):
@@ -306,7 +306,7 @@ cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
 
 
 cdef int meet_few(Search* s, StreamScan w, int n) except -1 nogil:
-    """The n objects of a block, all against the few rays that are near any of them."""
+    """Meet the n objects of a block, all with the few rays that are near any of them."""
     cdef Few few
     cdef Vec inv
     cdef int i, j, k, rays
@@ -329,7 +329,7 @@ cdef int meet_few(Search* s, StreamScan w, int n) except -1 nogil:
 
 
 cdef int meet_block(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
-    """The n objects of a block against the rays in their voxels: half of the blocks have none."""
+    """Meet the n objects of a block with the rays in their voxels: half of the blocks have none."""
     cdef Box all
     cdef Range around
     block_union(w.boxes, n, &all)
@@ -350,7 +350,7 @@ cdef int meet_block(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil
 
 @cython.final
 cdef class Intersector:
-    """One worker's intersection loop: what it needs of a group's grid and of the rays in flight.
+    """Runs one worker's intersection loop over a group's grid and the rays in flight.
 
     Parameters
     ----------
@@ -434,7 +434,7 @@ cdef class Intersector:
                     meet_block(s, scan, self.voxel_rays, n)
 
     def finish(self, StreamScan scan):
-        """End a stream: test what still waits for geometry, and hand over what was found."""
+        """End a stream: test the rays that still wait for geometry, and hand over all hits."""
         cdef Search* s = &self.search
         cdef GeometryCursor g = scan.geometry
         with nogil:

@@ -33,7 +33,7 @@ cdef inline Vec reflected(Vec d, Vec n) noexcept nogil:
 
 
 cdef inline Bent refracted(Vec d, Vec n, double eta) noexcept nogil:
-    """Snell's law for unit d and n with d.n <= 0; eta is the index before over that behind."""
+    """Bend unit d at unit n, d.n <= 0, by Snell's law; eta is the index before over that behind."""
     cdef Bent b
     cdef double cosine = -dot(d, n)
     cdef double k = 1.0 - eta * eta * (1.0 - cosine * cosine)
@@ -45,7 +45,7 @@ cdef inline Bent refracted(Vec d, Vec n, double eta) noexcept nogil:
 
 
 cdef inline double hit_error(const Line* l, double t, Vec p, const Box* b) noexcept nogil:
-    """How far a computed hit may be from its surface, with some room.
+    """Bound the distance of a computed hit from its surface, with some room.
 
     Every kernel works on sums of the ray's origin, its way and the object's coordinates, and
     errs by a few units in the last place of the largest; after the idea of error bounds in pbrt
@@ -60,7 +60,7 @@ cdef inline double hit_error(const Line* l, double t, Vec p, const Box* b) noexc
 
 @cython.final
 cdef class Shader:
-    """What shading needs of the scene, and one worker's outgoing rays.
+    """Shades hits on the objects of a scene, and gathers one worker's outgoing rays.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ cdef class Shader:
     cdef int64_t shade_object(self, GeometryCursor g, const unsigned char* record, uint32_t count,
                               uint32_t material, const Hit* hits, int64_t n,
                               bint last) except -1 nogil:
-        """Shade the hits at the head of `hits`, all those of one object; how many."""
+        """Shade the first of `hits`, all hits of one object; return how many."""
         cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
         cdef Shape shape
         cdef Box box
@@ -208,7 +208,7 @@ cdef class Shader:
             self.go_on(h, &s, d, p, offset, m, outside)
 
     cdef void see(self, const Hit* h, Vec p, Vec n, const Material* m) noexcept nogil:
-        """Keep what sample 0 sees."""
+        """Store depth, normal, id and channels on request, if the hit is of sample 0."""
         cdef int64_t element = h.pixel - self.film.first
         cdef float* seen = &self.film.depth_normal[element, 0]
         if h.sample:
@@ -248,7 +248,7 @@ cdef class Shader:
 
     cdef void go_on(self, const Hit* h, const Surface* s, Vec d, Vec p, Vec offset,
                     const Material* m, bint outside) noexcept nogil:
-        """Reflection, and refraction where the material transmits (SPD's rules 8 and 9)."""
+        """Send a reflection ray, and where light passes a refraction ray (SPD's rules 8 and 9)."""
         cdef Vec r = reflected(d, s.shading)
         cdef double weight = m.ks
         cdef double ior = m.ior if m.ior > 0.0 else 1.0

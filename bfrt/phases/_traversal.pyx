@@ -65,7 +65,7 @@ cdef inline void put(Outgoing* out, uint64_t entry) noexcept nogil:
 
 
 cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
-    """On to the next voxel, or out of a cube without marks; false when the ray leaves the grid."""
+    """Step to the next voxel, or out of a cube without marks; false where the grid ends."""
     if brick >= 0:
         return walk_leave(w, DARK_SHIFT) if mark & DARK else walk_step(w)
     return walk_leave(w, CUBE_SHIFT if brick == EMPTY_CUBE else BRICK_SHIFT)
@@ -73,13 +73,13 @@ cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
 
 cdef inline void take_over(Ray* r, Path* p, const double* line,
                            const uint32_t* path) noexcept nogil:
-    """Copy a ray's line, and what it is for: the fields that all records of a ray have alike."""
+    """Copy a ray's line and purpose: the fields that all records of a ray have in common."""
     memcpy(&r.ox, line, 6 * sizeof(double))
     memcpy(p, path, sizeof(Path))
 
 
 cdef inline void begin(Ray* r, double t, uint64_t id, uint16_t kind) noexcept nogil:
-    """A ray that has not yet met the grid."""
+    """Set up a ray that has not yet met the grid."""
     r.t, r.id = t, id
     r.voxel = NOWHERE
     r.kind = <uint8_t>kind
@@ -101,24 +101,24 @@ cdef inline void come_in(Ray* r, Grid grid, Outliers outliers, int64_t* box_test
 
 
 cdef inline int slab_of(const Slab* s, const Ray* r) noexcept nogil:
-    """The slab that a ray's voxel is in."""
+    """Return the slab that a ray's voxel is in."""
     return s.slab_of[r.voxel // <uint32_t>s.planes.stride[s.axis] >> BRICK_SHIFT]
 
 
 cdef inline bint descends(const Slab* s, const Ray* r) noexcept nogil:
-    """Whether a ray goes through the slabs from the last to the first."""
+    """Tell whether a ray goes through the slabs from the last to the first."""
     return (&r.dx)[s.axis] < 0.0
 
 
 cdef inline int part_of(const Slab* s, const Ray* r, int slabs) noexcept nogil:
-    """Where a ray is in the order of its way through the slabs: up first, then down."""
+    """Return a ray's place in the order of walks through the slabs: up first, then down."""
     cdef int slab = slab_of(s, r)
     return 2 * slabs - 1 - slab if descends(s, r) else slab
 
 
 cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* left, VoxelRays v,
                       Outgoing* out) noexcept nogil:
-    """Walk through the slab, until the sentinel is found; returns the voxels stepped to.
+    """Walk through the slab, until the sentinel is found; return the voxels stepped to.
 
     A ray that comes into a brick of another slab has that voxel as its state, unseen. Bricks that
     are not there have no slab.
@@ -154,7 +154,7 @@ cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* le
 
 
 cdef inline bint complete(const Ray* r, Grid grid) noexcept nogil:
-    """No sentinel, or a hit that is nearer: strictly, so that objects that tie are all met."""
+    """Tell whether a ray has no sentinel, or a nearer hit: strictly, so that all ties are met."""
     cdef Line line
     if r.voxel == NOWHERE:
         return True
@@ -174,7 +174,7 @@ cdef inline void finish_hit(const Ray* r, const Path* p, Hit* h) noexcept nogil:
 
 cdef inline void finish_miss(const Ray* r, const Path* p, Film film,
                              const double* background) noexcept nogil:
-    """A shadow ray that met nothing brings its light; any other sees the background."""
+    """Give the film a missing ray's light: what a shadow ray carries, or the background."""
     if r.kind == SHADOW:
         film_add(film, p.pixel, p.red, p.green, p.blue, 0.0)
     else:
@@ -186,7 +186,7 @@ cdef inline void finish_miss(const Ray* r, const Path* p, Film film,
 
 @cython.final
 cdef class RayPool:
-    """The memory of rays in flight, and the loops over them.
+    """Holds the memory of rays in flight, and the loops over them.
 
     ::
 
@@ -198,7 +198,7 @@ cdef class RayPool:
     capacity : int
         Rays at the most. All memory is taken here, and touched as rays come.
     candidates : int
-        Of all rays, when there are so many.
+        Candidates of all rays together, when there are `capacity` rays.
 
     Attributes
     ----------
@@ -230,17 +230,17 @@ cdef class RayPool:
 
     @property
     def in_flight(self):
-        """The active rays, (active,) of records.RAY: the same memory."""
+        """Return the active rays, (active,) of records.RAY: the same memory."""
         return self.records[:self.active]
 
     @property
     def all(self):
-        """All of the memory: (capacity,) of records.RAY, and of records.PATH."""
+        """Return all of the memory: (capacity,) of records.RAY, and of records.PATH."""
         return self.records, self.path_records
 
     @property
     def room(self):
-        """What active rays leave of the memory: (n,) uint64, room for candidates."""
+        """Return the memory that active rays leave free for candidates: (n,) uint64."""
         return self.memory[self.active * RAY_WORDS:]
 
     def enter_grid(self):
@@ -248,7 +248,7 @@ cdef class RayPool:
         self.ordered = 0
 
     def come(self, int64_t n):
-        """Know that so many rays have been admitted behind the active ones."""
+        """Count `n` rays, admitted behind the active ones, as active."""
         self.active += n
 
     def admit(self, const Queued[::1] queued, int64_t first, int64_t last, Grid grid,
@@ -309,14 +309,14 @@ cdef class RayPool:
         return box_tests, object_tests, 0
 
     def begin_walk(self, int64_t base, uint32_t each):
-        """Begin to walk rays from `base` on, each to so many candidates."""
+        """Begin to walk rays from `base` on, to `each` candidates apiece."""
         self.slots = self.room
         self.left[base:self.active] = each
         self.used = 0
 
     @property
     def stored(self):
-        """Candidates found since `begin_walk`."""
+        """Return the number of candidates found since `begin_walk`."""
         return self.used
 
     def keep_order(self):
@@ -415,7 +415,7 @@ cdef class RayPool:
         Parameters
         ----------
         first, last : int
-            Of the rays: those that stay are at the part's front afterwards.
+            The part of the rays; those that stay are at its front afterwards.
         film : Film or None
             With one, rays that met nothing bring their light, or the background, to it.
         hits : (last - first or more,) records.HIT

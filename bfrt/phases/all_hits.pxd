@@ -14,7 +14,7 @@ cdef struct Found:
 
 
 cdef inline int hand_over(Found* f) except -1 nogil:
-    """Give away those that are there."""
+    """Hand over the crossings that the buffer holds."""
     if f.n:
         with gil:
             (<object>f.emit)(f.n)

@@ -52,7 +52,7 @@ class Crossings:
         self._paths = paths.view(QUERY_PATH)
 
     def buffer(self) -> Buffer:
-        """Room for one thread's crossings, and what it calls when they are so many."""
+        """Return a buffer for one thread's crossings, and the function to call when it is full."""
         found = np.empty(ROOM, CROSSING)
         return found, lambda n: self._hand_over(found[:n])
 

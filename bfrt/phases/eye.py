@@ -15,13 +15,13 @@ from bfrt.store.store import Store
 
 
 def count_eye_rays(width: int, height: int, samples: int) -> int:
-    """Eye rays of a whole view, of so many samples a pixel; 0 is SPD's procedure."""
+    """Return the number of eye rays of a view; 0 samples a pixel mean SPD's procedure."""
     corners = samples == 0
     return (width + corners) * (height + corners) * max(1, samples)
 
 
 class EyeRays:
-    """Eye rays of a view, in the order of pixels and samples.
+    """Makes the eye rays of a view, in the order of pixels and samples.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class EyeRays:
         return self._total - self._taken
 
     def read(self, most: int) -> NDArray[Any]:
-        """The next rays, (n,) of records.QUEUED with n <= most."""
+        """Return the next rays, (n,) of records.QUEUED with n <= most."""
         rays = np.empty(min(most, len(self)), QUEUED)
         eye_rays(
             self._taken,
@@ -74,7 +74,7 @@ class EyeRays:
 
 
 def view_vectors(camera: Camera, origin: tuple[float, ...]) -> NDArray[np.float64]:
-    """Eye, forward, and from the image's center to its right and upper edges, (4, 3).
+    """Return eye, forward, and the image's right and upper half axes, (4, 3) float64.
 
     The one place where trigonometry is done: once a view.
     """
@@ -90,7 +90,7 @@ def view_vectors(camera: Camera, origin: tuple[float, ...]) -> NDArray[np.float6
 
 
 def coprime_turn(samples: int) -> int:
-    """The step nearest to samples / golden ratio that visits every row once."""
+    """Return the step nearest to samples / golden ratio that visits every row once."""
     if samples < 2:
         return 1
     best = round(samples * (math.sqrt(5) - 1) / 2)

@@ -40,7 +40,7 @@ def picked(
     -------
     source : PickedObjects
     starts : (objects + 1,) int64
-        Of each object's hits, and the end of the last.
+        Where each object's hits begin, and the end of the last.
     """
     own = index_of(ids).astype(np.int64)
     starts = np.flatnonzero(np.diff(own, prepend=-1))
@@ -50,7 +50,7 @@ def picked(
 def by_object(
     hits: Spool, groups: list[GroupScans], room: int
 ) -> Iterator[tuple[NDArray[Any], bool]]:
-    """All hits of a spool, `room` at the most at once, in the order of their objects.
+    """Yield all hits of a spool, `room` at most at once, in the order of their objects.
 
     The paper sorts what fills memory, and sweeps for each such load. Where reading all geometry
     for every further load takes more bytes than parting the hits by object first, which writes
@@ -86,7 +86,7 @@ def by_object(
 
 
 def _sort(hits: NDArray[Any], load: NDArray[Any]) -> int:
-    """Put hits into `load` by object; returns how many."""
+    """Put hits into `load` by object; return how many."""
     n = len(hits)
     # Without the mode NumPy makes one more copy.
     plain(hits).take(np.argsort(hits["id"]), out=plain(load[:n]), mode="clip")
@@ -94,7 +94,7 @@ def _sort(hits: NDArray[Any], load: NDArray[Any]) -> int:
 
 
 def _places(hits: NDArray[Any], begins: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where the hits' objects are among those of all streams."""
+    """Return the index of each hit's object among the objects of all streams."""
     ids = hits["id"]
     places: NDArray[np.int64] = begins[stream_of(ids)] + index_of(ids).astype(np.int64)
     return places

@@ -12,7 +12,7 @@ cdef inline Line ray_line(const Ray* r) noexcept nogil:
 
 
 cdef inline bint ray_bad(const Ray* r) noexcept nogil:
-    """NaN, infinite or without direction: such a ray hits nothing, and is counted."""
+    """Tell whether a ray is NaN, infinite or without direction: it hits nothing, and is counted."""
     return not (
         isfinite(r.ox) and isfinite(r.oy) and isfinite(r.oz)
         and isfinite(r.dx) and isfinite(r.dy) and isfinite(r.dz)

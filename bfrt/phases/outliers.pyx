@@ -25,7 +25,7 @@ cdef enum:
 
 @cython.final
 cdef class Outliers:
-    """The outliers of a group.
+    """Holds the outliers of a group in memory.
 
     Parameters
     ----------
@@ -71,11 +71,15 @@ def cross_outliers(Outliers outliers, const Ray[::1] rays, int64_t first, int64_
     Parameters
     ----------
     rays : (n,) records.RAY
-        IN. Those of [first, last).
+        IN. Rays [first, last) are tested.
     grow : float
-        DESIGN's d.
+        d, by which boxes grow (docs/algorithm.rst, Exactness).
     crossings, emit
-        As for `intersect`, and what is returned.
+        As for `Intersector.begin`.
+
+    Returns
+    -------
+    box_tests, object_tests : int
     """
     cdef Found found
     cdef Meeting m

@@ -39,12 +39,12 @@ ROUNDED = 2.0**-46
 
 
 def growth(store: Store) -> float:
-    """DESIGN's d: the same for every grid and group of a scene."""
+    """Return d, by which boxes grow (docs/algorithm.rst, Exactness), the same for a whole scene."""
     return max(GROW * store.bounds.diagonal, ROUNDED * store.bounds.reach)
 
 
 def grid_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Grid:
-    """The grid of a group."""
+    """Make the grid of a group."""
     if group.grid_bounds.empty:
         return Grid((0.0,) * 3, (1.0,) * 3, (1, 1, 1), 0.0)
     lo, hi = group.grid_bounds
@@ -55,7 +55,7 @@ def grid_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Grid:
 
 
 def layout_of(group: Group, partition: Partition, hierarchy: bool) -> Layout:
-    """What the marks of a group's grid are of: with the hierarchy, of quantised boxes."""
+    """Return the layout of a group's marks: of quantised boxes where the hierarchy is used."""
     return Layout(partition.shape, partition.axis, group.quantised_checksum if hierarchy else 0)
 
 
@@ -115,7 +115,7 @@ class Marking:
 
 
 def layers_of(marks: Bytes) -> Iterator[tuple[Bytes, Bytes]]:
-    """Layers of bricks of a subspace: those that are kept (n, 512), and which they are."""
+    """Yield a subspace's layers of bricks: the bricks kept (n, 512), and which they are."""
     _, rows, row = bricks_of((1, marks.shape[1], marks.shape[2]))
     bricks = np.empty((rows * row, BRICK_BYTES), np.uint8)
     for first in range(0, len(marks), BRICK):

@@ -32,17 +32,17 @@ SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
 
 
 def light_intensity(lights: int) -> float:
-    """sqrt(n) / (2 n), for each of n lights and for the ambient one: the SPD text's formula."""
+    """Return sqrt(n) / (2 n), the intensity of each of n lights and of ambient light (SPD)."""
     return math.sqrt(lights) / (2 * lights)
 
 
 def emit_room(lights: int) -> int:
-    """Rays that a worker gathers while it shades: a thousand, or a few hits' worth."""
+    """Return the rays that a worker gathers while it shades: a thousand, or a few hits' rays."""
     return max(1024, 4 * (lights + 2))
 
 
 class Shading:
-    """The shading phase of a render.
+    """Shades the hits of a render.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Shading:
     eye : (3,) float64
         Relative to the store's origin.
     hits : int
-        That are shaded at once, at the most.
+        The most hits that are shaded at once.
     workers : Workers
     """
 
@@ -84,7 +84,7 @@ class Shading:
 
     @staticmethod
     def bytes(store: Store, threads: int) -> int:
-        """Return the bytes of the palette, and of the rays that so many workers gather."""
+        """Return the bytes of the palette, and of the rays that all workers gather."""
         palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
         return palette + threads * emit_room(len(store.lights)) * QUEUED_BYTES
 

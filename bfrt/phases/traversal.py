@@ -60,20 +60,20 @@ SETTLED = 8192
 
 
 class Queue(Protocol):
-    """Rays that wait: the camera's, or a spool."""
+    """Gives rays that wait: the camera's, or those of a spool."""
 
     def __len__(self) -> int: ...
     def read(self, most: int) -> NDArray[Any]: ...
 
 
 class Sink(Protocol):
-    """Where complete rays go: a spool, or what takes them at once; by any thread."""
+    """Takes complete rays, from any thread: a spool, or a consumer that takes them at once."""
 
     def append(self, records: NDArray[Any]) -> None: ...
 
 
 class Ground(NamedTuple):
-    """What rays go through: one group's grid."""
+    """Holds one group's grid and what rays need to go through it."""
 
     slabs: Slabs
     voxel_rays: VoxelRays
@@ -81,7 +81,7 @@ class Ground(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Where rays go that are complete.
+    """Says where complete rays go.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Ends(NamedTuple):
 
 
 def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> int:
-    """Candidates that each ray gets in a pass.
+    """Return the number of candidates that each ray gets in a pass.
 
     Few in a ray's first pass, for most rays end soon, and twice as many in each that follows; no
     fewer than a pass is worth that reads so many bytes, but no leap beyond `LEAP` where reading
@@ -111,11 +111,11 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
     Parameters
     ----------
     least : int
-        Twice those of the pass before, or `FIRST_QUOTA`.
+        Twice the candidates of the pass before, or `FIRST_QUOTA`.
     read : int
         Bytes that a pass reads.
     rays : int
-        That share the room.
+        Number of rays that share the room.
     room : int
         For all candidates, as many as there are rays or more.
     selective : bool
@@ -128,14 +128,14 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
 
 
 class Flight:
-    """Rays in flight: what is in memory, and where it goes.
+    """Moves rays in flight: admits, walks and settles them.
 
     Parameters
     ----------
     capacity : int
         Rays at the most. All memory is taken here.
     candidates : int
-        Of all rays, when there are so many.
+        Candidates of all rays together, when there are `capacity` rays.
     workers : Workers
 
     Attributes
@@ -145,7 +145,7 @@ class Flight:
     bad : int
         Rays so far that were NaN, infinite or without direction.
     crossings : Crossings, optional
-        What takes all hits of each ray, where not only the nearest is wanted.
+        The receiver of all hits of each ray, if not only the nearest is wanted.
     """
 
     def __init__(self, capacity: int, candidates: int, workers: Workers) -> None:
@@ -176,7 +176,7 @@ class Flight:
 
     @property
     def active(self) -> int:
-        """How many rays are in flight."""
+        """Return the number of rays in flight."""
         return self.pool.active
 
     def admit(self, queue: Queue, ends: Ends, counters: Counters) -> int:
@@ -237,7 +237,7 @@ class Flight:
         self.voxel_rays.sort(room, self.pool.stored, self._workers)
 
     def _walk(self, base: int, each: int, counters: Counters) -> None:
-        """Walk rays, from `base` on, to their sentinels, by way of so many candidates each."""
+        """Walk rays, from `base` on, to their sentinels, past `each` candidates apiece."""
         pool, slabs, starts = self.pool, self._slabs, self._starts
         if slabs.count == 1:
             pool.keep_order()
@@ -255,8 +255,15 @@ class Flight:
         counters.phases.traversal.bytes_read += slabs.counts()
 
     def _walk_slab(self, slab: int, begin: int, end: int, counters: Counters) -> tuple[int, int]:
-        """Walk the rays of a slab; those that go on are brought to the end of its part of the
-        order. Return how many they are, and how many slabs on the nearest of those is."""
+        """Walk the rays of a slab, and bring rays that go on to the end of its part of the order.
+
+        Returns
+        -------
+        int
+            Number of rays that go on.
+        int
+            Distance, in slabs, to the nearest slab that they go on to.
+        """
         pool, slabs = self.pool, self._slabs
         slabs.load(slab)
         parts: list[tuple[int, int]] = []

@@ -1,1 +1,11 @@
-"""Ray queries: rays that somebody asks about, in place of a camera's."""
+"""Ray queries: a caller's rays in place of a camera's, and the arrays of the answer.
+
+::
+
+    arrays, .npy files, blocks ─► AskedRays ─► Tracer ─► spool of hits
+         (rays)                                             │ by object: Surfaces, normals and uv
+                                                            │ by ray: answers
+                                                         Columns ─► new arrays, the caller's, files
+
+``casting`` has a function for each query; `bfrt.Scene` calls them.
+"""

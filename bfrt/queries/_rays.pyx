@@ -1,4 +1,4 @@
-"""Rays as somebody gives them, and the surfaces that they hit."""
+"""The loops of queries: rays as a caller gives them, and the surfaces that they hit."""
 
 from libc.math cimport INFINITY, isfinite, isnan, ldexp, nextafter
 from libc.stdint cimport int64_t, uint64_t
@@ -13,7 +13,7 @@ from bfrt.scan.scan cimport StreamScan
 
 
 cdef inline double end_of(double t_max, double moved) noexcept nogil:
-    """Where a moved ray ends: a t that with `moved` is less than t_max, by as little as can be."""
+    """Return the end of a moved ray: the greatest t, or nearly, for which t + `moved` < t_max."""
     cdef double t = t_max - moved
     if not isfinite(t):
         return t
@@ -29,8 +29,9 @@ cdef enum:
 
 
 cdef inline double scaled_end(double t_max, int power) noexcept nogil:
-    """t_max in lengths of a direction that was divided by a power of two. What would be no number
-    in lengths of the direction as it was given is beyond the end."""
+    """Return t_max in lengths of a direction that was divided by a power of two. A t that the
+    original lengths cannot express is beyond the end.
+    """
     cdef double t = ldexp(t_max, power)
     return smaller(t, ldexp(1.0, BEYOND + power)) if power < 0 else t
 
@@ -47,16 +48,16 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
     t_min, t_max : (n,) float64
         IN. Hits count in (t_min, t_max): a ray begins at its t_min.
     origin : sequence of 3 float
-        The store's.
+        The store's origin.
     bounds : (2, 3) float64
         IN. The scene's, relative to the store's origin.
     first : int
         The first ray's number; the others' follow.
     kind : int
-        What rays of theirs are.
+        The kind of the rays, a `bfrt.records.RayKind`.
     out : (n,) records.QUERY_RAY
         OUT. Far origins are brought nearer (exactness rule 6); `moved` is the t of that. Extreme
-        directions are divided by two to the `power`, by which each t of theirs is multiplied.
+        directions are divided by two to the `power`, by which their t are multiplied later.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Answers in the order of their rays, which come in any: sorted by parts where memory ends."""
+"""Answers in the order of their rays: sorted, by parts if memory does not hold all."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Out = Mapping[str, NDArray[Any]] | str | os.PathLike[str]
 
 
 def ordered(records: Spool, rays: int, room: int) -> Iterator[NDArray[Any]]:
-    """The records of a spool, by the numbers of their rays, [0, rays).
+    """Yield the records of a spool by ascending ray numbers, which are in [0, rays).
 
     Records have a ``number``; those that have ``t`` and ``key`` are sorted by these then. No more
     than `room` of them are in memory at once, unless they are one ray's.
@@ -50,7 +50,7 @@ def _sorted(records: NDArray[Any]) -> NDArray[Any]:
 def rows(
     records: Iterator[NDArray[Any]], rays: int, missed: NDArray[Any]
 ) -> Iterator[NDArray[Any]]:
-    """One record for each ray, in order: its own, or `missed`, (1,), where it has none."""
+    """Yield one record for each ray, in order: its own, or `missed`, (1,), where it has none."""
     done = 0
     for some in records:
         numbers = some["number"].astype(np.int64)
@@ -67,7 +67,7 @@ def rows(
 
 
 def split_ends(numbers: NDArray[np.int64], first: int, last: int) -> Iterator[NDArray[np.int64]]:
-    """Where the hits of each ray in [first, last) end, among hits of ascending ray numbers."""
+    """Yield where the hits of each ray in [first, last) end; ray numbers ascend."""
     for begin in range(first, last, ROWS):
         rays = np.arange(begin, min(last, begin + ROWS))
         yield np.searchsorted(numbers, rays, "right")
@@ -98,12 +98,12 @@ def check_out(fields: Fields, count: int | None, out: Out | None) -> None:
 
 
 class Columns:
-    """The arrays of an answer as they are filled, row by row: new, the caller's, or files.
+    """Fills the arrays of an answer row by row: new ones, the caller's, or files.
 
     Parameters
     ----------
     fields : mapping
-        Of each key its dtype and the shape of a row.
+        The dtype and the shape of a row, for each key.
     out : mapping or path-like, optional
         Arrays to fill, some of the keys or all; or a folder, which gets a file ``KEY.npy`` each,
         that is whole or not there.
@@ -157,7 +157,7 @@ class Columns:
         self._done += n
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What was filled; files are mapped."""
+        """Return the arrays filled; files are mapped."""
         if self._folder is None:
             return self._arrays
         return {key: np.load(self._folder / f"{key}.npy", mmap_mode="r") for key in self._shapes}

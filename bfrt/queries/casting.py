@@ -75,19 +75,23 @@ SPLITS: Fields = {"ray_splits": (np.int64, ())}
 
 
 class Answer(dict[str, NDArray[Any]]):
-    """Arrays by their keys.
+    """Maps names to the arrays of a query's answer.
+
+    It is a dict. Each query's docstring lists its keys, such as ``t_hit``, with shapes and dtypes;
+    arrays that went to a folder are memory maps.
 
     Attributes
     ----------
-    stats : Stats
-        The counters; ``stats.bad_rays`` are NaN, infinite or of no length, and hit nothing.
+    stats : bfrt.stats.Stats
+        The counters of the query. ``stats.bad_rays`` counts rays that are NaN, infinite or of no
+        length; they hit nothing.
     """
 
     stats: Stats
 
 
 class Question(NamedTuple):
-    """Rays that somebody asks about, as they are given, and where the answer goes.
+    """Holds the rays that a caller asks about, and where the answer goes.
 
     Attributes
     ----------
@@ -116,7 +120,7 @@ Sessions = Callable[[Settings], AbstractContextManager[Tracer]]
 
 
 class Asking:
-    """One question as it is worked on.
+    """Works on one question.
 
     Parameters
     ----------
@@ -124,7 +128,7 @@ class Asking:
     blocks : iterator of Block
         The rays.
     known : int, optional
-        How many they are.
+        Number of rays, if known.
     kind : RayKind
         EYE for nearest hits, SHADOW for any.
     report : Report
@@ -161,7 +165,7 @@ class Asking:
         tell(self._report, Progress(1, done, total))
 
     def spool(self, dtype: np.dtype[Any], room: int) -> Spool:
-        """Return a spool of so many records in memory."""
+        """Return a spool that holds a number of records in memory."""
         return Spool(dtype, room, self.tracer.scratch)
 
     def answer(self, arrays: dict[str, NDArray[Any]]) -> Answer:
@@ -265,12 +269,12 @@ def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, NDArra
 
 
 def fitting(plan: Capacities, rays: int | None) -> Capacities:
-    """Return what a budget holds, less what so few rays, with a hit each, cannot fill."""
+    """Return the capacities without memory that `rays` rays, with a hit each, cannot fill."""
     return plan if rays is None else plan.for_hits(rays)
 
 
 def _folder_of(out: Out | None) -> Out | None:
-    """A folder, where that is what answers go to: how many hits there are is not known before."""
+    """Return the folder for an answer; refuse arrays, since the number of hits is not yet known."""
     if out is None or isinstance(out, (str, os.PathLike)):
         return out
     raise SettingError("out: found arrays, expected a folder: how many hits there are is not known")
@@ -293,7 +297,7 @@ class Answers:
     ----------
     asking : Asking
     dtype : numpy.dtype
-        Of an answer.
+        The type of an answer's record.
     queue : int
         Rays whose memory they may take.
     """
@@ -317,7 +321,7 @@ class Answers:
 
 
 class Surfaces:
-    """Normals and uv of hits, of which only the objects that are hit are read.
+    """Finds normals and uv of hits; only the objects that are hit are read.
 
     Parameters
     ----------
@@ -338,7 +342,7 @@ class Surfaces:
         self._workers = workers
 
     def find(self, scans: GroupScans) -> None:
-        """Find those of the hits on a group's objects."""
+        """Find normals and uv of the hits on a group's objects."""
         for stream in scans.streams:
             part = hits_of(self._ids, stream)
             if part.start < part.stop:
@@ -379,7 +383,7 @@ def _resolve(asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]
 
 
 def _fields(records: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Some fields of records."""
+    """Return the fields of records that `dtype` has."""
     made = np.empty(len(records), dtype)
     for name in dtype.names or ():
         made[name] = records[name]

@@ -32,7 +32,7 @@ Given = ArrayLike | str | os.PathLike[str] | Iterable[tuple[ArrayLike, ArrayLike
 
 
 class AskedRays:
-    """A queue of rays, made into records as they are taken.
+    """Queues the rays of a query, and makes them into records as they are taken.
 
     Attributes
     ----------
@@ -59,11 +59,11 @@ class AskedRays:
         self._block = next((block for block in self._blocks if len(block[0])), None)
 
     def __len__(self) -> int:
-        """Rays of the current block that wait: 0 when there are no more at all."""
+        """Return the waiting rays of the current block: 0 when there are no more at all."""
         return 0 if self._block is None else len(self._block[0]) - self._at
 
     def read(self, most: int) -> NDArray[Any]:
-        """The next rays, (n,) of records.HIT with n <= most, whose paths are those of QUERY_RAY."""
+        """Return the next rays, (n,) of records.HIT with n <= most, with paths of QUERY_RAY."""
         n = min(most, len(self))
         out = np.empty(n, QUERY_RAY)
         if self._block is not None:
@@ -82,7 +82,7 @@ class AskedRays:
 def rays_of(
     origins: Given, directions: Given | None, t_min: ArrayLike, t_max: ArrayLike
 ) -> tuple[Iterator[Block], int | None]:
-    """The blocks of rays that were given, and how many rays they are where that is known."""
+    """Return the blocks of the rays given, and the number of rays where it is known."""
     if directions is None:
         return _given_blocks(origins, t_min, t_max), None
     o, d = _rows("origins", origins), _rows("directions", directions)
@@ -102,7 +102,7 @@ def rays_of(
 
 
 class Held:
-    """An array of the caller's, in memory or mapped, as one that is read."""
+    """Presents a caller's array, in memory or mapped, as rows to be read."""
 
     def __init__(self, name: str, given: ArrayLike) -> None:
         self.name = name
@@ -129,7 +129,7 @@ def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Bl
 
 
 def _rows(name: str, given: Any) -> Rows:
-    """Rows (n, 3) of float32, float64 or whole numbers; a file's are read when they are needed."""
+    """Return rows (n, 3) of float32, float64 or whole numbers; a file's are read on demand."""
     file = isinstance(given, (str, os.PathLike))
     array: Rows = _stored(name, os.fspath(given)) if file else Held(name, given)
     floats = array.dtype.newbyteorder("=") in (np.float32, np.float64)
@@ -143,7 +143,7 @@ def _rows(name: str, given: Any) -> Rows:
 
 
 def _stored(name: str, path: str) -> NpyArray:
-    """An .npy file's array, whose blocks are read forwards."""
+    """Open an .npy file's array, whose blocks are read forwards."""
     try:
         return NpyArray(path, partial(Source, path))
     except SceneError as error:

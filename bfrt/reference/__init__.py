@@ -1,0 +1,11 @@
+"""Slow answers to compare the core with, and the core's own functions laid open for tests.
+
+::
+
+    every ray x every object ─┬─ exhaustive ─► _exhaustive: the core's kernels, no grid
+                              └─ independent ─► shapes: NumPy, other formulas
+                                      └── agree: do two answers agree, close calls left out?
+    _kernels: inline functions of the core, one call at a time
+
+Nothing else in bfrt imports this package.
+"""

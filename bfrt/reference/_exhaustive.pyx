@@ -25,7 +25,7 @@ cdef struct Nearest:
 
 
 cdef inline void settle(const Meeting* met, int n, uint64_t id, Nearest* nearest) noexcept nogil:
-    """Take each hit that is less, as (t, id), than what its ray has."""
+    """Take each hit whose (t, id) is less than its ray's."""
     cdef int i
     cdef uint32_t ray
     cdef double t
@@ -120,7 +120,7 @@ def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ray
     Parameters
     ----------
     grow : float
-        DESIGN's d.
+        d, by which boxes grow (docs/algorithm.rst, Exactness).
     rays : (m, 9) float64
         IN. From `lines`; those with a NaN for an origin are passed over.
     t, ids : (m,) float64, uint64

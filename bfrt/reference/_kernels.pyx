@@ -20,7 +20,7 @@ from bfrt.geometry.vector cimport Line, Vec, line, vec
 
 
 def power(const double[::1] x, const double[::1] y):
-    """x to the y, (n,) each: `bfrt/geometry/power.pxd`."""
+    """Compute x to the y, (n,) each, by `bfrt/geometry/power.pxd`."""
     cdef int64_t i
     cdef double[::1] out = np.empty(x.shape[0])
     for i in range(x.shape[0]):
@@ -46,13 +46,13 @@ cdef Box box_of(const float[:, ::1] boxes, int64_t i):
 
 def spans(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
           const double[:, ::1] directions):
-    """Where each ray is inside the box of its row.
+    """Find where each ray is inside the box of its row.
 
     Parameters
     ----------
     boxes : (n, 6) float32
     grow : float
-        What the boxes grow by.
+        The length by which boxes grow.
     origins, directions : (n, 3) float64
 
     Returns
@@ -76,7 +76,7 @@ def spans(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
 
 def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
                    const double[:, ::1] directions, double reach=INFINITY):
-    """Where each ray is inside each of up to eight boxes, all of which it meets at once.
+    """Find where each ray is inside each of up to eight boxes, tested together.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] 
 
 
 def voxels_of_eight(const float[:, ::1] boxes, Grid grid):
-    """The voxels of up to eight boxes, worked out together, and the box around all.
+    """Find the voxels of up to eight boxes, worked out together, and the box around all.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def voxels_of_eight(const float[:, ::1] boxes, Grid grid):
 
 
 def decoded_eight(const float[::1] parent, const uint8_t[:, ::1] codes):
-    """Up to eight quantised boxes, and the box around all.
+    """Decode up to eight quantised boxes, and the box around all.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def decoded_eight(const float[::1] parent, const uint8_t[:, ::1] codes):
 
 def entered_of_eight(const int[:, ::1] regions, const int[:, ::1] voxels,
                      const uint8_t[::1] faces):
-    """Which of eight regions a ray enters that comes into a voxel by a face.
+    """Find which of eight regions a ray enters that comes into a voxel by a face.
 
     Parameters
     ----------
@@ -181,12 +181,12 @@ def entered_of_eight(const int[:, ::1] regions, const int[:, ::1] voxels,
 
 
 def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
-    """The boxes of up to eight spheres, worked out together.
+    """Compute the boxes of up to eight spheres, worked out together.
 
     Parameters
     ----------
     records : (n, 16 or 32) uint8
-        Of four float32 each, or of four float64.
+        Records of four float32 each, or of four float64.
     origin : sequence of 3 float
         Taken off the positions of wide records.
 
@@ -210,7 +210,7 @@ def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
 
 def meet(int kind, const double[::1] record, origin, double grow, const double[:, ::1] origins,
          const double[:, ::1] directions):
-    """One object, by float64 record, against rays.
+    """Test one object, given as a float64 record, against rays.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     origin : sequence of 3 float
         Taken off positions.
     grow : float
-        What the object's box grows by.
+        The length by which the object's box grows.
     origins, directions : (n, 3) float64
         Relative to the origin.
 
@@ -232,7 +232,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     surface : (n, 11) float64
         Geometric normal, shading normal, u, v, place at each hit.
     crossings : (n,) int64
-        How many the object owns.
+        Number of crossings that the object owns.
     """
     cdef Frame frame
     cdef Shape shape

@@ -51,7 +51,7 @@ def nearest(
     *,
     threads: int = 1,
 ) -> tuple[Array, Ids]:
-    """The nearest hit of each ray: the lexicographic minimum of (t, id) over all objects.
+    """Find the nearest hit of each ray: the least (t, id) over all objects.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def occluded(
     *,
     threads: int = 1,
 ) -> NDArray[np.bool_]:
-    """Whether anything is hit before `t_max`, for each ray, (n,); all as for `nearest`."""
+    """Tell for each ray, (n,), whether it hits anything before `t_max`; else as `nearest`."""
     dark: NDArray[np.bool_] = np.isfinite(
         nearest(store, origins, directions, t_max, threads=threads)[0]
     )
@@ -122,7 +122,7 @@ def occluded(
 def crossings(
     store: Store, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf
 ) -> tuple[NDArray[np.int64], Array, Ids]:
-    """All hits of each ray, ordered by ray, t and id; all as for `nearest`.
+    """Find all hits of each ray, ordered by ray, t and id; all else as for `nearest`.
 
     Returns
     -------
@@ -149,7 +149,7 @@ def crossings(
 
 
 def scaled(directions: ArrayLike) -> tuple[Array, NDArray[np.int32]]:
-    """Directions (n, 3), extreme ones divided by powers of two, and the powers (n,)."""
+    """Divide extreme directions of (n, 3) by powers of two; return all, and the powers (n,)."""
     way = np.array(directions, np.float64)
     powers = np.zeros(len(way), np.int32)
     scale_directions(way, powers)
@@ -157,7 +157,7 @@ def scaled(directions: ArrayLike) -> tuple[Array, NDArray[np.int32]]:
 
 
 def lengths(t: Array, powers: NDArray[np.int32]) -> Array:
-    """t (n,) in lengths of directions as they were before they were divided by powers of two."""
+    """Return t (n,) in lengths of the directions before they were divided by powers of two."""
     with np.errstate(over="ignore"):  # then it is no number, and a miss
         return np.ldexp(t, -powers)
 
@@ -168,7 +168,7 @@ def cursor_of(store: Store, stream: Stream) -> GeometryCursor:
 
 
 def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
-    """Rays that start far away, brought nearer to the scene (exactness rule 6).
+    """Move rays that start far away nearer to the scene (exactness rule 6).
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def advanced(store: Store, origins: ArrayLike, directions: ArrayLike) -> tuple[A
     Returns
     -------
     origins : (n, 3)
-        Those that were near enough are as they were. NaN for a ray that is none.
+        Origins that are near enough stay as they are. NaN for a ray that is none.
     moved : (n,)
         The t that belongs to each origin; to be added to that of a hit.
     """

@@ -78,7 +78,7 @@ def _empty(columns: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """The objects of a scene, as arrays of float64; what is left out is empty.
+    """Holds the objects of a scene as arrays of float64; kinds left out are empty.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Objects:
     vertices : (m, 3)
         The vertices of all polygons, one polygon after another.
     counts : (n,)
-        How many of them each polygon has, at least three.
+        Number of vertices of each polygon, at least three.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class Objects:
         return sum(map(len, tables))
 
     def bounds(self) -> tuple[Array, Array]:
-        """The lower and upper corner of a box around all objects, zeros if there are none.
+        """Return the lower and upper corner of a box around all objects, zeros if none.
 
         Around a cone it is looser than need be.
         """
@@ -176,7 +176,7 @@ def nearest(
     t_max: ArrayLike = np.inf,
     block: int = BLOCK,
 ) -> tuple[Array, Ids]:
-    """The nearest hit of each ray, by trying every object.
+    """Find the nearest hit of each ray by trying every object.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def nearest(
     t_max : float or (n,)
         Hits are nearer than this.
     block : int
-        How many pairs of ray and object are in memory at once. It changes no bit of the answer.
+        Pairs of ray and object in memory at once. It changes no bit of the answer.
 
     Returns
     -------
@@ -211,14 +211,14 @@ def nearest(
 
 
 def _unit(vectors: Array) -> Array:
-    """Vectors (3, n) over their lengths; NaN where there is none."""
+    """Divide vectors (3, n) by their lengths; NaN for zero."""
     scaled = vectors / np.abs(vectors).max(axis=0)  # first, so that no square vanishes
     unit: Array = scaled / np.sqrt((scaled * scaled).sum(axis=0))
     return unit
 
 
 def _lines(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array, Array]:
-    """Origins and unit directions, (3, n) each, and lengths; NaN for what is no direction."""
+    """Return origins and unit directions, (3, n) each, and lengths; NaN for zero directions."""
     start = np.atleast_2d(np.asarray(origins, np.float64)).T
     way = np.atleast_2d(np.asarray(directions, np.float64)).T
     with np.errstate(all="ignore"):
@@ -245,7 +245,7 @@ def _blocks(rays: int, shapes: int, block: int) -> Iterator[tuple[slice, slice]]
 def _nearest_of(
     shapes: Shapes, part: slice, start: Array, unit: Array, length: Array
 ) -> tuple[Array, Indices]:
-    """The least t of each ray over the shapes `part`, and which of the shapes it is."""
+    """Find the least t of each ray over the shapes `part`, and the index of the shape."""
     ahead, p, d = approach(shapes.centres[:, part], start, unit)
     t = (ahead + shapes.roots(p, d, -ahead, part)) / length[:, None]
     row = t.argmin(axis=1)
@@ -265,7 +265,7 @@ def stable(
     nudge: float = 1e-9,
     rtol: float = 1e-7,
 ) -> Mask:
-    """Which rays keep their hit when they are nudged a little.
+    """Tell which rays keep their hit when they are nudged a little.
 
     The origin is moved by `nudge` times the way to the hit (but no more than the scene's diagonal),
     and `ROUNDING` times the way to the scene's far end; the direction is turned so that the ray
@@ -305,7 +305,7 @@ def stable(
 
 
 def _amounts(objects: Objects, start: Array, way: Array, nudge: float) -> tuple[Array, Array]:
-    """How far to move each origin, and by what part of its length to turn each direction."""
+    """Return how far to move each origin, and by what part of its length to turn each direction."""
     low, high = objects.bounds()
     diagonal = float(np.linalg.norm(high - low))
     reach = np.linalg.norm(np.maximum(np.abs(low - start), np.abs(high - start)), axis=1)
@@ -317,7 +317,7 @@ def _amounts(objects: Objects, start: Array, way: Array, nudge: float) -> tuple[
 
 
 def _touching(objects: Objects, start: Array, way: Array, end: Array, margin: Array) -> Mask:
-    """Which rays pass, before `end`, within `margin` of where a surface ends or turns."""
+    """Tell which rays pass, before `end`, within `margin` of where a surface ends or turns."""
     found = np.zeros(len(start), np.bool_)
     origins, unit, _ = _lines(start, way)
     corners = np.concatenate([objects.triangles, objects.patches[:, :9]])
@@ -342,7 +342,7 @@ def _close(a: Array, b: Array, rtol: float) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """What `agree` found, in counts of rays.
+    """Counts the rays that `agree` compared.
 
     Parameters
     ----------

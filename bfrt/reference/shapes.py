@@ -18,13 +18,13 @@ Triple = tuple[Array, Array, Array]
 
 
 class Shapes(Protocol):
-    """The objects of one kind that have a surface."""
+    """Provides the objects of one kind that have a surface."""
 
     index: Indices  # (n,) which ones they are
     centres: Array  # (3, n)
 
     def roots(self, p: Triple, d: Triple, after: Array, part: slice) -> Array:
-        """The least t > `after` at which p + t d is on the objects `part`, inf where there is none.
+        """Return the least t > `after` at which p + t d is on the objects `part`, else inf.
 
         `p` are points relative to the centres, rays by objects; `d` unit directions, rays by one.
         """
@@ -65,7 +65,7 @@ class Cones:
         return _first(low, self._kept(high, 1, p, d, rows), after)
 
     def _solve(self, p: Triple, d: Triple, rows: Indices, least: float = -np.inf) -> list[Array]:
-        """The two roots in order, NaN where the discriminant is negative; `least` bounds it."""
+        """Return the two roots in order, NaN for a negative discriminant; `least` bounds it."""
         axis: Triple = (self.axis[0, rows], self.axis[1, rows], self.axis[2, rows])
         up, rise = _dot(p, axis), _dot(d, axis)
         q, e = _along(p, -up, axis), _along(d, -rise, axis)  # across the axis
@@ -78,7 +78,7 @@ class Cones:
         return [np.fmin(one, other), np.fmax(one, other)]
 
     def _kept(self, root: Array, branch: int, p: Triple, d: Triple, rows: Indices) -> Array:
-        """`root` where it is between base and apex, else NaN.
+        """Return `root` where it is between base and apex, else NaN.
 
         Near the tip of a cone both roots fall together and rounding costs half the digits: solved
         again with the origin at the root all terms are small, and the digits come back.
@@ -98,7 +98,7 @@ class Cones:
         return kept
 
     def touched(self, p: Triple, d: Triple, margin: Array, part: slice) -> Mask:
-        """Which surfaces a line does not leave, all along the object, by more than `margin`."""
+        """Tell which surfaces a line stays within `margin` of, all along the object."""
         reach = self.reach[part]
         along: Mask = _dot(p, p) <= (reach + margin) ** 2
         for side in (-reach, 0.0 * reach, reach):  # other lines meet a cone no more than twice
@@ -140,7 +140,7 @@ class Triangles:
         return np.where(inside & self._beside(t, d, part) & (t > after), t, np.inf)
 
     def _beside(self, t: Array, d: Triple, part: slice) -> Mask:
-        """Whether t is between the corners, along the ray: seen edge on, u, v and t are noise."""
+        """Tell whether t is between the corners along the ray: edge on, u, v and t are noise."""
         a = _dot(_rows(self.corner[:, part]), d)
         b, c = a + _dot(_rows(self.one[:, part]), d), a + _dot(_rows(self.two[:, part]), d)
         low, high = np.minimum(a, np.minimum(b, c)), np.maximum(a, np.maximum(b, c))
@@ -182,7 +182,7 @@ class Polygons:
         return np.where(near, t, np.inf)
 
     def _inside(self, points: Array, rows: Indices) -> Mask:
-        """Which of `points` (3, k) are inside of the polygons `rows` (k,), each of its own."""
+        """Tell which of `points` (3, k) are inside the polygons `rows` (k,), one each."""
         inside = np.zeros(len(rows), np.bool_)
         counts = self.counts[rows]
         parts = (np.cumsum(counts) - counts) // self.block  # about a block of edges each
@@ -208,7 +208,7 @@ class Polygons:
 
 
 class Edges:
-    """Where flat objects end, and the tips of cones: segments, some of no length."""
+    """Holds the edges of flat objects and the tips of cones: segments, some of no length."""
 
     def __init__(self, corners: Array, vertices: Array, counts: Indices, cones: Array) -> None:
         faces = corners[Triangles(corners).index].reshape(-1, 3, 3)
@@ -226,7 +226,7 @@ class Edges:
         self.reach = np.sqrt((self.half * self.half).sum(axis=0))
 
     def touched(self, p: Triple, d: Triple, margin: Array, part: slice) -> Mask:
-        """Which segments a line passes by no more than `margin`."""
+        """Tell which segments a line passes by no more than `margin`."""
         half = _rows(self.half[:, part])
         across = _along(half, -_dot(half, d), d)  # as seen along the line, which is a point then
         nearest = np.clip(_dot(p, across) / _dot(across, across), -1.0, 1.0)
@@ -237,19 +237,19 @@ class Edges:
 
 
 def _following(first: Indices, counts: Indices) -> Indices:
-    """For every vertex the row of its polygon's next one."""
+    """Return for every vertex the row of its polygon's next one."""
     rows = np.arange(1, counts.sum() + 1)
     rows[first + counts - 1] = first
     return rows
 
 
 def _reduced(over: np.ufunc, values: Array, first: Indices) -> Array:
-    """`over` all vertices of each polygon."""
+    """Reduce the vertices of each polygon by `over`."""
     return np.asarray(over.reduceat(values, first, axis=0) if len(first) else values, np.float64)
 
 
 def _first(low: Array, high: Array, after: Array) -> Array:
-    """The lesser root if it is after, else the greater; a NaN is neither."""
+    """Return the lesser root if it is after `after`, else the greater; never a NaN."""
     return np.where(low > after, low, np.where(high > after, high, np.inf))
 
 
@@ -266,7 +266,7 @@ def _cross(a: Triple, b: Triple) -> Triple:
 
 
 def _along(p: Triple, t: Array, d: Triple) -> Triple:
-    """The points p + t d."""
+    """Return the points p + t d."""
     return (p[0] + t * d[0], p[1] + t * d[1], p[2] + t * d[2])
 
 
@@ -275,7 +275,7 @@ def _rows(table: Array) -> Triple:
 
 
 def approach(centres: Array, start: Array, unit: Array) -> tuple[Array, Triple, Triple]:
-    """How far along each ray it is nearest to each centre; that point from there; directions."""
+    """Return each ray's t nearest to each centre, its point there as seen from it, directions."""
     d = _rows(unit[:, :, None])
     x, y, z = centres[:, None, :] - start[:, :, None]
     ahead = _dot((x, y, z), d)

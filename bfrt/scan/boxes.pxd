@@ -48,11 +48,10 @@ cdef class BoxCursor:
 
 cdef inline int go_to(BoxCursor b, const int64_t[:, ::1] ranges, int64_t k,
                       const Box* parent) except -1 nogil:
-    """Go forward to the first object of range k, of those in the window; what lies between is
-    skipped.
+    """Go forward to the first object of range k of the window, and skip the objects between.
 
-    Where boxes are quantised, they are so in the parent's. They are read as far as each range lies
-    near the next, at once and no further.
+    Quantised boxes are decoded inside the parent's box. Boxes are read at once as far as each range
+    lies near the next one, and no further.
     """
     cdef int64_t n = max(<int64_t>0, ranges[k, 0] - b.index)
     cdef bint far = ranges[k, 0] >= b.wanted
@@ -81,7 +80,7 @@ cdef inline void want_boxes(BoxCursor b, int64_t end) noexcept nogil:
 
 
 cdef inline int next_boxes(BoxCursor b, int64_t most) except -1 nogil:
-    """Come to the next objects, up to `most` and BOXES; returns how many, n >= 1.
+    """Come to the next objects, up to `most` and BOXES; return how many, n >= 1.
 
     Boxes are known once `decode` is called: until then they are as they are on disk.
     """
@@ -102,7 +101,7 @@ cdef inline int next_boxes(BoxCursor b, int64_t most) except -1 nogil:
 
 
 cdef inline void block_union(BoxCursor b, int n, Box* all) noexcept nogil:
-    """The box around the block's n objects, at least: around outliers, too."""
+    """Compute a box around the block's n objects; it may reach around outliers, too."""
     if b.coded:
         coded_union(&b.coding, b.codes, n, <float*>all)
     elif b.spheres is not None:
@@ -121,7 +120,7 @@ cdef inline void decode(BoxCursor b, int n) noexcept nogil:
 
 
 cdef inline void clear_outliers(BoxCursor b) noexcept nogil:
-    """Empty the boxes of outliers: rays meet these before they enter the grid."""
+    """Clear the boxes of outliers: rays meet these before they enter the grid."""
     while b.outlier < b.outliers.shape[0] and b.outliers[b.outlier] < b.index:
         if b.outliers[b.outlier] >= b.first:
             eight_clear(&b.eight, <int>(b.outliers[b.outlier] - b.first))

@@ -19,9 +19,9 @@ cdef class BoxCursor:
     Parameters
     ----------
     stream : bfrt.store.store.Stream
-        What to read.
+        The stream to read.
     origin : sequence of 3 float
-        The store's.
+        The store's origin.
     files : bfrt.scan.files.StreamFiles
         The open files.
     outliers : (n,) int64

@@ -43,7 +43,7 @@ cdef inline bint full(Delays d) noexcept nogil:
 
 cdef inline void delay(Delays d, Reader geometry, int64_t size, uint64_t id, int64_t first,
                        uint32_t count, uint32_t ray) noexcept nogil:
-    """Have a ray wait for an object: `count` records of so many bytes, ahead of those before."""
+    """Have a ray wait for an object: `count` records of `size` bytes, behind all before."""
     cdef Delayed* wait = &d.halves[d.half, d.count[d.half]]
     wait.id, wait.first, wait.count, wait.ray = id, first, count, ray
     d.count[d.half] += 1
@@ -60,7 +60,7 @@ cdef inline void grow_piece(Delays d, Reader geometry, int64_t begin, int64_t en
 
 
 cdef inline void ask_piece(Delays d, Reader geometry) noexcept nogil:
-    """Ask for the piece that grows: what comes is another."""
+    """Ask for the piece that grows; the next record begins another."""
     if d.end > d.begin:
         geometry.ask(d.begin, d.end)
         d.asked += d.end - d.begin
@@ -74,14 +74,14 @@ cdef inline void turn(Delays d) noexcept nogil:
 
 
 cdef inline void end_delays(Delays d) noexcept nogil:
-    """Be ready for another sweep: all is settled."""
+    """End a sweep whose delays are all settled, to be ready for another."""
     d.count[0] = d.count[1] = d.half = 0
     d.begin = d.end = d.asked = d.known = 0
     d.loaded = NO_HIT
 
 
 cdef inline int64_t piece_end(const Delayed* waits, int64_t n, int64_t gap) noexcept nogil:
-    """Where the records end that lie so near each other, of objects from the first on."""
+    """Return the end of the records, from the first object on, that gaps of `gap` at most part."""
     cdef int64_t i, end = waits[0].first + waits[0].count
     for i in range(1, n):
         if waits[i].first > end + gap:

@@ -12,7 +12,7 @@ DELAYS_BYTES = 2 * HALF * DELAYED_BYTES
 
 @cython.final
 cdef class Delays:
-    """One worker's rays that wait for geometry, between the calls of a sweep."""
+    """Holds one worker's rays that wait for geometry, between the calls of a sweep."""
 
     def __cinit__(self):
         self.halves = np.empty((2, HALF), DELAYED)

@@ -22,7 +22,7 @@ class StreamFiles:
         self._files: dict[str, Tape] = {}
 
     def reader(self, name: str, capacity: int) -> Reader:
-        """Return a reader of a file, with a buffer of so many bytes."""
+        """Return a reader of a file, with a buffer of `capacity` bytes."""
         if name not in self._files:
             self._files[name] = Tape(self._stream.path(name), self.lazy)
         return Reader(self._files[name], capacity, self.lazy)

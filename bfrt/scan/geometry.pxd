@@ -63,7 +63,7 @@ cdef inline const unsigned char* records_of(GeometryCursor g, int64_t at,
 
 
 cdef inline int next_records(GeometryCursor g, int64_t most) except -1 nogil:
-    """Come to the next objects of the window, up to `most` and BOXES; returns how many, n >= 1.
+    """Come to the next objects of the window, up to `most` and BOXES; return how many, n >= 1.
 
     Polygons come one at a time, for their records are not of one size.
     """
@@ -87,7 +87,7 @@ cdef inline uint32_t vertices_in(GeometryCursor g, int i) noexcept nogil:
 
 
 cdef inline const unsigned char* pick_record(GeometryCursor g) except NULL nogil:
-    """Give the record of the next object of those that are picked; `count` too."""
+    """Return the record of the next picked object; set `count` too."""
     cdef int64_t k = g.picking
     cdef int64_t begin = g.ranges[k, 0]
     cdef int64_t n = g.ranges[k, 1] - begin

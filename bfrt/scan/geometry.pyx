@@ -21,9 +21,9 @@ cdef class GeometryCursor:
     Parameters
     ----------
     stream : bfrt.store.store.Stream
-        What to read.
+        The stream to read.
     origin : sequence of 3 float
-        The store's.
+        The store's origin.
     files : bfrt.scan.files.StreamFiles
         The open files.
     capacity : int
@@ -76,7 +76,7 @@ cdef class GeometryCursor:
         return 0
 
     cdef (int64_t, int64_t) place(self, int64_t first, int64_t last) except *:
-        """Go forward to the offset of polygon `first`; returns where those up to `last` begin and
+        """Go forward to the offset of polygon `first`; return where those up to `last` begin and
         end, in vertices."""
         cdef int64_t begin = self.end_of(first - 1), end = self.end_of(last - 1)
         if begin > end or end * self.stride > self.reader.tape.size:

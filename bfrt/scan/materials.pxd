@@ -1,4 +1,4 @@
-"""A cursor over the materials of one stream: of all objects in order, or of those picked."""
+"""A cursor over the materials of one stream: of all objects in order, or of picked ones."""
 
 from libc.stdint cimport int64_t, uint16_t, uint32_t
 
@@ -31,7 +31,7 @@ cdef inline uint32_t next_material(MaterialCursor m) except? 0xFFFFFFFF nogil:
 
 
 cdef inline uint32_t pick_material(MaterialCursor m) except? 0xFFFFFFFF nogil:
-    """Give the material of the next object of those that are picked."""
+    """Return the material of the next picked object."""
     cdef int64_t k = m.picking
     cdef int64_t index = m.objects[k, 0]
     cdef bint far = index >= m.known

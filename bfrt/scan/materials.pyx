@@ -13,7 +13,7 @@ cdef class MaterialCursor:
     Parameters
     ----------
     stream : bfrt.store.store.Stream
-        What to read.
+        The stream to read.
     files : bfrt.scan.files.StreamFiles
         The open files.
     capacity : int

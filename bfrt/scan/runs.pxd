@@ -14,7 +14,7 @@ cdef inline int64_t run_end(const int64_t[:, ::1] ranges, int64_t* k, int64_t ga
 
 cdef inline void prefetch_runs(Reader reader, const int64_t[:, ::1] ranges,
                                int64_t size) noexcept nogil:
-    """Have the system begin to read runs of things of so many bytes."""
+    """Have the system begin to read runs of records of `size` bytes."""
     cdef int64_t begin, k = 0
     while k < ranges.shape[0]:
         begin = ranges[k, 0] * size

@@ -1,4 +1,4 @@
-"""What one worker reads of one stream: the cursors over its boxes, geometry and materials."""
+"""One worker's cursors over one stream: over its boxes, geometry and materials."""
 
 from libc.stdint cimport int64_t
 
@@ -20,7 +20,7 @@ cdef class StreamScan:
 
 
 cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
-    """Come to the next objects: boxes, and records where these are read in step; returns n >= 1."""
+    """Come to the next objects: boxes, and records where these are read in step; return n >= 1."""
     if s.in_step:
         most = next_records(s.geometry, most)
     elif not s.lazy:
@@ -29,8 +29,9 @@ cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
 
 
 cdef inline const unsigned char* record_in_block(StreamScan s, int i) noexcept nogil:
-    """The record of object i of the block, which stays where it is until the next block. Not of a
-    scan that reads geometry later."""
+    """Return the record of object i of the block; it stays in place until the next block. Not for a
+    scan that reads geometry later.
+    """
     if s.in_step:
         return s.geometry.block + i * s.geometry.stride
     s.spheres_read += s.lazy

@@ -11,14 +11,14 @@ from bfrt.scan.materials cimport MaterialCursor
 
 @cython.final
 cdef class StreamScan:
-    """One worker's cursors over a stream.
+    """Holds one worker's cursors over a stream.
 
     Parameters
     ----------
     stream : bfrt.store.store.Stream
-        What to read.
+        The stream to read.
     origin : sequence of 3 float
-        The store's.
+        The store's origin.
     files : bfrt.scan.files.StreamFiles
         The open files.
     outliers : (n,) int64

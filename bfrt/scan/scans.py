@@ -30,7 +30,7 @@ class GroupScans:
     Attributes
     ----------
     streams : list of Stream
-        Of the group.
+        The streams of the group.
     """
 
     def __init__(self, store: Store, group: Group, threads: int, buffer: int, lazy: bool) -> None:
@@ -48,7 +48,7 @@ class GroupScans:
 
     @staticmethod
     def bytes(streams: list[Stream], threads: int) -> int:
-        """Return the bytes of the read buffers of so many workers."""
+        """Return the bytes of the read buffers of all workers."""
         largest = max((s.stride * s.largest for s in streams), default=0)
         return len(streams) * threads * (READ_BUFFER * 10 // 4 + largest)
 

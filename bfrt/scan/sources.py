@@ -1,4 +1,4 @@
-"""Where workers get the objects that they look at next.
+"""Sources of objects, from which workers get the next ones to look at.
 
 A source belongs to one stream and one sweep. ``next(worker)`` sets the worker's scan to a chunk of
 objects, behind those that it had, and returns the chunk, or None when there are no more. Chunks are
@@ -47,7 +47,7 @@ Parents = NDArray[np.float32]
 
 
 class Chunk(NamedTuple):
-    """Objects that a worker looks at together.
+    """Holds objects that a worker looks at together.
 
     Attributes
     ----------
@@ -68,8 +68,13 @@ class Chooser(Protocol):
     """Finds ranges of a stream's objects, in order."""
 
     def choose(self, ranges: Ranges, objects: int, parents: Parents | None) -> int:
-        """Fill in the next ranges, of about so many objects, and the boxes around them; return how
-        many ranges, 0 at the end."""
+        """Fill in the next ranges, of about `objects` objects, and the boxes around each.
+
+        Returns
+        -------
+        int
+            Number of ranges; 0 at the end.
+        """
         ...
 
 
@@ -91,7 +96,7 @@ class AllObjects:
 
     @property
     def short(self) -> bool:
-        """Whether one worker is enough."""
+        """Tell whether one worker is enough."""
         return self._count <= self._chunk
 
     def next(self, worker: int) -> Chunk | None:
@@ -134,7 +139,7 @@ class PickedObjects:
 
     @property
     def short(self) -> bool:
-        """Whether one worker is enough."""
+        """Tell whether one worker is enough."""
         return len(self._ranges) <= self._chunk
 
     def next(self, worker: int) -> tuple[StreamScan, slice] | None:
@@ -149,7 +154,7 @@ class PickedObjects:
 
 
 class Batch:
-    """Ranges of objects that were chosen together.
+    """Holds ranges of objects that were chosen together.
 
     Attributes
     ----------
@@ -173,16 +178,16 @@ class Batch:
 
     @property
     def objects(self) -> int:
-        """How many objects they have."""
+        """Return the number of objects in the ranges."""
         return int(self._ends[-1])
 
     @property
     def left(self) -> bool:
-        """Whether there are ranges that were not taken."""
+        """Tell whether there are ranges that were not taken."""
         return self._taken < len(self._ends) - 1
 
     def fill(self, chooser: Chooser, objects: int, coded: bool) -> Ranges:
-        """Choose the next ranges, of about so many objects; return them."""
+        """Choose the next ranges, of about `objects` objects, and return them."""
         self.clear()
         n = chooser.choose(self._ranges, objects, self._parents if coded else None)
         ranges: Ranges = self._ranges[:n]
@@ -191,8 +196,13 @@ class Batch:
         return ranges
 
     def take(self, objects: int, ranges: Ranges, parents: Parents) -> int:
-        """Copy the next ranges, of so many objects or a few more, with their parents; return how
-        many ranges."""
+        """Copy the next ranges, of `objects` objects or a few more, with the boxes around each.
+
+        Returns
+        -------
+        int
+            Number of ranges.
+        """
         first = self._taken
         wanted = self._ends[first] + objects
         self._taken = min(len(self._ends) - 1, int(np.searchsorted(self._ends, wanted)))
@@ -203,7 +213,7 @@ class Batch:
 
 
 class Batches:
-    """Memory for the batches of one sweep at a time, and for what each worker took last."""
+    """Holds the memory of one sweep's batches, and each worker's last chunk."""
 
     def __init__(self, threads: int) -> None:
         self.ranges = np.empty((threads, AHEAD, 2), np.int64)
@@ -212,7 +222,7 @@ class Batches:
 
     @staticmethod
     def bytes(threads: int) -> int:
-        """Return the bytes of it."""
+        """Return the bytes of the memory for a number of threads."""
         return (2 + threads) * AHEAD * CHOSEN_BYTES
 
 

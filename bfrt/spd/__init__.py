@@ -1,4 +1,12 @@
-"""The scenes of the Standard Procedural Databases, at any size."""
+"""The scenes of the Standard Procedural Databases (SPD), at any size.
+
+::
+
+    size ─► SpdScene: balls, gears, ... ─► tasks ─► blocks of parts ─┬─► write: a scene store
+              (recipe)                     any thread makes one      └─► write_nff: text
+
+A task makes up to about 70,000 objects and needs no other task, so that any size streams.
+"""
 
 from __future__ import annotations
 
@@ -46,46 +54,157 @@ VIEWS = {"rings368m": replace(Rings.camera, angle=1.5)}
 
 
 def balls(size: int) -> SpdScene:
-    """A sphere with `size` generations of nine spheres on each: (9^(n + 1) - 1) / 8 + 1 objects."""
+    """Return a sphere that carries nine smaller ones, and so on, above a floor.
+
+    Parameters
+    ----------
+    size : int
+        Generations n of spheres: (9^(n + 1) - 1) / 8 + 1 objects.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+
+    Raises
+    ------
+    SettingError
+        If the size is less than 1.
+    """
     return Balls(size)
 
 
 def gears(size: int) -> SpdScene:
-    """`size` x `size` x `size` interlocked gears: 146 n^3 + 1 objects."""
+    """Return a block of interlocked gears above a ground.
+
+    Parameters
+    ----------
+    size : int
+        Gears n on each side of the block: 146 n^3 + 1 objects.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+
+    Raises
+    ------
+    SettingError
+        If the size is less than 1.
+    """
     return Gears(size)
 
 
 def mount(size: int, hash: str = "package") -> SpdScene:
-    """A fractal mountain under four crystal balls: 2 * 4^n + 4 objects.
+    """Return a fractal mountain under four crystal balls.
 
-    `hash` is ``"package"``, the package's own, or ``"jenkins"``, the better one that it has an
-    option for and that the paper used.
+    Parameters
+    ----------
+    size : int
+        Halvings n of the mountain's side: 2 * 4^n + 4 objects.
+    hash : {"package", "jenkins"}
+        The hash that the heights come from: the package's own, or Bob Jenkins's, which is more even
+        and which the paper used.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+
+    Raises
+    ------
+    SettingError
+        If the size is less than 1, or there is no such hash.
     """
     return Mount(size, hash)
 
 
 def rings(size: int) -> SpdScene:
-    """A pyramid of `size` layers of chained rings: 10 n (n + 1) (2n + 1) + 1 objects."""
+    """Return a pyramid of chained rings before a wall.
+
+    Parameters
+    ----------
+    size : int
+        Layers n: 10 n (n + 1) (2n + 1) + 1 objects.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+
+    Raises
+    ------
+    SettingError
+        If the size is less than 1.
+    """
     return Rings(size)
 
 
 def teapot(size: int) -> SpdScene:
-    """Newell's teapot on a chessboard, `size` x `size` cells a patch: 65 n^2 - 8 n objects."""
+    """Return Newell's teapot on a chessboard.
+
+    Parameters
+    ----------
+    size : int
+        Cells n on each side of a patch: 65 n^2 - 8 n objects.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+
+    Raises
+    ------
+    SettingError
+        If the size is less than 1.
+    """
     return Teapot(size)
 
 
 def tetra(size: int) -> SpdScene:
-    """A Sierpinski tetrahedron of `size` levels: 4^n objects."""
+    """Return a Sierpinski tetrahedron.
+
+    Parameters
+    ----------
+    size : int
+        Levels n: 4^n objects.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+
+    Raises
+    ------
+    SettingError
+        If the size is less than 1.
+    """
     return Tetra(size)
 
 
 def tree(size: int) -> SpdScene:
-    """A tree of `size` generations of forks, on a field: 2 (2^(n + 1) - 1) + 1 objects."""
+    """Return a tree on a field.
+
+    Parameters
+    ----------
+    size : int
+        Generations n of forks: 2 (2^(n + 1) - 1) + 1 objects.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+
+    Raises
+    ------
+    SettingError
+        If the size is less than 1.
+    """
     return Tree(size)
 
 
 def scene(name: str, size: int, **options: str) -> SpdScene:
-    """The standard scene of this name.
+    """Return the standard scene of a name.
 
     Parameters
     ----------
@@ -94,7 +213,12 @@ def scene(name: str, size: int, **options: str) -> SpdScene:
     size : int
         The package's size factor, 1 or more.
     **options : str
-        What the scene takes beside its size: mount's `hash`.
+        Options of the scene beside its size: mount's `hash`.
+
+    Returns
+    -------
+    SpdScene
+        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
 
     Raises
     ------

@@ -25,7 +25,7 @@ cdef struct Turn:
 
 
 cdef inline Turn turn_to(Vec d) noexcept nogil:
-    """About the axis across both; half about y where the direction is -z."""
+    """Turn +z to a direction, about the axis across both; half about y where it is -z."""
     cdef Turn t
     cdef double sine, across, ax, ay
     if d.z >= UPRIGHT:
@@ -49,7 +49,7 @@ cdef inline Vec turned(const double* v, const Turn* t) noexcept nogil:
 
 cdef scalar* grow_on(scalar* out, Vec center, Vec direction, double radius, int depth,
                      const double* offsets) noexcept nogil:
-    """Write a ball and `depth` generations on it; returns where the next one goes."""
+    """Write a ball and `depth` generations on it; return where the next one goes."""
     cdef Turn turn
     cdef Vec way
     cdef int child
@@ -87,7 +87,7 @@ def grow(center, direction, double radius, int depth, const double[:, ::1] offse
 
 
 def children(center, direction, double radius, const double[:, ::1] offsets):
-    """The children of one ball: centers, directions (9, 3) float64, and their radius."""
+    """Return the children of one ball: centers, directions (9, 3) float64, and their radius."""
     cdef Vec c = vec(center[0], center[1], center[2]), way
     cdef Turn turn = turn_to(vec(direction[0], direction[1], direction[2]))
     cdef int64_t child

@@ -16,7 +16,7 @@ cdef struct Noise:
 
 
 cdef inline int64_t shifted(int64_t a, int bits) noexcept nogil:
-    """Shifts by less than nothing leave nothing of 16 bits."""
+    """Shift left; a negative shift leaves 0, as of 16 bits."""
     return a << bits if 0 <= bits < 16 else 0
 
 
@@ -25,7 +25,7 @@ cdef inline int64_t package_hash(int64_t x, int64_t y, int size) noexcept nogil:
 
 
 cdef inline int32_t minus(int32_t a, int32_t b, int32_t c) noexcept nogil:
-    """a - b - c, coming round."""
+    """Return a - b - c, modulo 2^32."""
     return <int32_t>(<unsigned int>a - <unsigned int>b - <unsigned int>c)
 
 
@@ -40,7 +40,7 @@ cdef inline void mix(int32_t* m, int first, int second, int third) noexcept nogi
 
 
 cdef inline int64_t jenkins_hash(int64_t x, int64_t y, int size) noexcept nogil:
-    """Bob Jenkins's mix of three signed 32-bit integers."""
+    """Mix three signed 32-bit integers by Bob Jenkins's hash."""
     cdef int32_t m[3]
     m[0], m[1], m[2] = <int32_t>x, <int32_t>y, size
     mix(m, 13, 8, 13)
@@ -66,7 +66,7 @@ def halve(const double[:, ::1] z, int64_t x, int64_t y, int64_t side, double ris
     x, y, side : int
         The first corner, and the side of a square, in cells.
     rise : float
-        What noise is multiplied by.
+        The factor of the noise.
     size, jenkins, deviates
         Of the mountain; which hash it has; the noise of each value, (65536,) float64.
     finer : (2m + 1, 2m + 1) float64
@@ -99,7 +99,7 @@ cdef inline scalar* point(scalar* out, double x, double y, double z) noexcept no
 
 
 cdef inline int64_t even_bits(int64_t code) noexcept nogil:
-    """Every other bit of an index, closed up: its part along one axis."""
+    """Return every other bit of an index, closed up: its part along one axis."""
     cdef int64_t value = 0
     cdef int bit
     for bit in range(16):
@@ -109,7 +109,7 @@ cdef inline int64_t even_bits(int64_t code) noexcept nogil:
 
 def triangles(const double[:, ::1] z, const double[::1] xs, const double[::1] ys,
               scalar[:, ::1] records):
-    """Two triangles for each cell, in the order of the halving.
+    """Make two triangles for each cell, in the order of the halving.
 
     Quarters come lower left, lower right, upper right, upper left, at every level.
 

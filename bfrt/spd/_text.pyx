@@ -26,7 +26,7 @@ cdef inline char* number(char* p, double x, char after) noexcept nogil:
 
 
 cdef inline char* numbers(char* p, const double* x, int n) noexcept nogil:
-    """So many numbers on a line."""
+    """Write n numbers on a line."""
     cdef int i
     for i in range(n):
         p = number(p, x[i], b"\n" if i + 1 == n else b" ")
@@ -34,7 +34,7 @@ cdef inline char* numbers(char* p, const double* x, int n) noexcept nogil:
 
 
 cdef char* outline(char* p, const double* x, int64_t n) noexcept nogil:
-    """A polygon's vertices, a line each, after their number."""
+    """Write a polygon: the number of its vertices, then the vertices, a line each."""
     cdef int64_t i
     p += snprintf(p, OBJECT, b"p %lld\n", <long long>n)
     for i in range(n):
@@ -43,7 +43,7 @@ cdef char* outline(char* p, const double* x, int64_t n) noexcept nogil:
 
 
 cdef char* patch(char* p, const double* x) noexcept nogil:
-    """Three vertices, each with its normal."""
+    """Write a patch: three vertices, each with its normal."""
     cdef int i, k
     memcpy(p, b"pp 3\n", 5)
     p += 5
@@ -61,7 +61,7 @@ cdef inline char* lettered(char* p, char letter, const double* x, int n) noexcep
 
 
 cdef char* line(char* p, const Column* c, int64_t i) noexcept nogil:
-    """The i-th object of a column."""
+    """Write the i-th object of a column."""
     if c.kind == SPHERE:
         return lettered(p, b"s", c.records + 4 * i, 4)
     if c.kind == CONE:
@@ -75,16 +75,16 @@ cdef char* line(char* p, const Column* c, int64_t i) noexcept nogil:
 
 def lines(kinds, columns, starts, const int64_t[::1] owner, const int64_t[::1] index,
           const uint32_t[::1] materials, fills, int64_t current):
-    """The text of a block.
+    """Return the text of a block.
 
     Parameters
     ----------
     kinds : sequence of int
-        Of each column.
+        The kind of each column.
     columns : sequence of (m,) float64
         The numbers of their objects.
     starts : sequence of (n + 1,) int64
-        Where each polygon begins, in vertices; of no use for other kinds.
+        Where each polygon begins, in vertices; not used for other kinds.
     owner, index : (objects,) int64
         Which column each object is in, and where.
     materials : (objects,) uint32

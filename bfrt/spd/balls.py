@@ -25,7 +25,7 @@ RADIUS = 0.5
 
 
 class Ball(NamedTuple):
-    """A sphere with all that hangs on it: (3,) center and direction from its parent, radius."""
+    """Holds a sphere that others hang on: (3,) center and direction from its parent, radius."""
 
     center: npt.NDArray[np.float64]
     direction: npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ class Ball(NamedTuple):
 
 
 class Balls(SpdScene):
-    """The balls of `size` generations."""
+    """Makes the balls of `size` generations."""
 
     name = "balls"
     settled = 4
@@ -56,14 +56,14 @@ class Balls(SpdScene):
         return 4
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """The floor, then parts of the tree that have up to `limit` balls."""
+        """Yield the floor, then parts of the tree that have up to `limit` balls."""
         yield partial(square, 12.0, -0.5)
         root = Ball(np.zeros(3), np.array([0.0, 0.0, 1.0]), RADIUS)
         yield from _tasks(root, self.size, limit)
 
 
 def descendants(depth: int) -> int:
-    """Balls of a part whose last generation is `depth` below its first."""
+    """Return the number of balls of a part whose last generation is `depth` below its first."""
     return int((CHILDREN ** (depth + 1) - 1) // (CHILDREN - 1))
 
 
@@ -78,7 +78,7 @@ def _tasks(ball: Ball, depth: int, limit: int) -> Iterator[Task]:
 
 
 def _part(ball: Ball, depth: int, dtype: Scalar) -> Block:
-    """A ball and `depth` generations on it."""
+    """Make a ball and `depth` generations on it."""
     records = np.empty((descendants(depth), 4), dtype)
     grow(*ball, depth, OFFSETS, records)
     materials = np.ones(len(records), np.uint32)
@@ -86,7 +86,7 @@ def _part(ball: Ball, depth: int, dtype: Scalar) -> Block:
 
 
 def _offsets() -> npt.NDArray[np.float64]:
-    """The nine directions of children about +z, (9, 3): three trios, a third of a turn apart."""
+    """Return nine directions of children about +z, (9, 3): three trios, a third turn apart."""
     d = 1.0 / math.sqrt(2.0)
     trio = np.array([(d, d, 0.0), (d, 0.0, -d), (0.0, d, -d)])
     # Three neighbors of a close packing, tilted about (1, -1, 0) until the last two lie flat.

@@ -35,7 +35,7 @@ GLASSY = 5
 
 
 class Gears(SpdScene):
-    """The gears of a block of `size` on a side."""
+    """Makes a block of `size` gears on a side."""
 
     name = "gears"
     settled = 4
@@ -77,7 +77,7 @@ class Gears(SpdScene):
         return VERTICES * self.size**3 + 4
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """The ground, then gears of up to `limit` polygons; a gear is never cut."""
+        """Yield the ground, then gears of up to `limit` polygons; a gear is never cut."""
         yield partial(square, 2.0, 0.0)
         radius = 1.0 / (self.size - (self.size - 1) * TOOTH / 2.0)
         thickness = min(THICKNESS, 1.0 / (2.0 * self.size))
@@ -94,7 +94,7 @@ class Gears(SpdScene):
         end: int,
         dtype: Scalar,
     ) -> Block:
-        """The gears [first, end), x fastest."""
+        """Make the gears [first, end), x fastest."""
         n = self.size
         index = np.arange(first, end, dtype=np.int64)
         x, y, z = index % n, index // n % n, index // (n * n)
@@ -112,7 +112,7 @@ class Gears(SpdScene):
 
 
 def _color(x: int, y: int, z: int) -> Vector:
-    """A color for a place, its largest component 1."""
+    """Return the color of a gear by its place; the largest component is 1."""
     parts = [
         0.01 + math.modf((3 * a + 2 * b + c + 1) * k / 7.0)[0]
         for a, b, c, k in ((x, y, z, 5.0), (y, z, x, 3.0), (z, x, y, 2.0))
@@ -130,7 +130,7 @@ def _glass(color: Vector) -> Material:
 
 
 def _gear(radius: float, thickness: float, turned: int) -> npt.NDArray[np.float64]:
-    """The vertices of a gear's polygons about its center: upper face, sides, lower face.
+    """Return the vertices of a gear's polygons about its center: upper face, sides, lower face.
 
     The lower face goes round the other way.
     """
@@ -144,7 +144,7 @@ def _gear(radius: float, thickness: float, turned: int) -> npt.NDArray[np.float6
 
 
 def _edge(radius: float, start: float, way: float) -> npt.NDArray[np.float64]:
-    """The 144 vertices of a face at z = 0, tooth by tooth."""
+    """Return the 144 vertices of a face at z = 0, tooth by tooth."""
     tooth = way * 2.0 * math.pi / TEETH
     points = np.zeros((TEETH, len(PROFILE), 3))
     for k, (off, outer) in enumerate(PROFILE):

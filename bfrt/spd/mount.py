@@ -33,7 +33,7 @@ HASHES = ("package", "jenkins")
 
 
 class Square(NamedTuple):
-    """A square of cells: its lower left corner, its side, and heights at its corners."""
+    """Holds a square of cells: its lower left corner, its side, and heights at its corners."""
 
     x: int
     y: int
@@ -45,7 +45,7 @@ class Square(NamedTuple):
 
 
 class Mount(SpdScene):
-    """The mountain of 2^size x 2^size cells.
+    """Makes the mountain of 2^size x 2^size cells.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Mount(SpdScene):
         return Mount(min(self.size, self.settled), self.hash)
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """The balls, then squares of up to `limit` triangles."""
+        """Yield the balls, then squares of up to `limit` triangles."""
         yield _crystals
         yield from self._tasks(Square(0, 0, 1 << self.size, 0.0, 0.0, 0.0, 0.0), limit)
 
@@ -99,7 +99,7 @@ class Mount(SpdScene):
             yield from self._tasks(Square(x + i * half, y + j * half, half, ll, lr, ur, ul), limit)
 
     def _part(self, square: Square, dtype: Scalar) -> Block:
-        """The triangles of a square, two a cell."""
+        """Make the triangles of a square, two a cell."""
         cells = square.side
         z = np.array([[square.ll, square.lr], [square.ul, square.ur]])
         while square.side > 1:
@@ -111,12 +111,13 @@ class Mount(SpdScene):
         return (Part(Kind.TRIANGLE, records, np.ones(n, np.uint32), np.arange(n)),)
 
     def _along(self, first: int, cells: int) -> npt.NDArray[np.float64]:
-        """Where the corners of so many cells are along an axis."""
+        """Return the coordinates of the corners of `cells` cells along an axis."""
         return CORNER + (first + np.arange(cells + 1.0)) * SIDE / (1 << self.size)
 
     def _halved(self, z: npt.NDArray[np.float64], square: Square) -> npt.NDArray[np.float64]:
-        """Heights (2m + 1, 2m + 1), row by row in y, from those (m + 1, m + 1) of squares of
-        `square.side` that begin at `square`."""
+        """Return heights (2m + 1, 2m + 1), row by row in y, from heights (m + 1, m + 1) of squares
+        of `square.side` that begin at `square`.
+        """
         finer = np.empty((2 * len(z) - 1, 2 * len(z) - 1))
         rise = square.side // 2 * SIDE / (1 << self.size) * ROUGHNESS
         jenkins = self.hash == "jenkins"
@@ -130,7 +131,7 @@ QUARTERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 @lru_cache(maxsize=1)
 def _gauss() -> npt.NDArray[np.float64]:
-    """The deviate of every seed: Box and Muller's, from a linear congruential generator."""
+    """Return every seed's normal deviate: Box and Muller, linear congruential generator."""
     modulus, factor, step = 134456, 8121, 28411
     seed = NUMBER + np.arange(1 << 16, dtype=np.int64)
     deviates = np.empty(len(seed))
@@ -149,7 +150,7 @@ def _gauss() -> npt.NDArray[np.float64]:
 
 
 def _crystals(dtype: Scalar) -> Block:
-    """Four balls at the corners of a tetrahedron."""
+    """Make four balls at the corners of a tetrahedron."""
     center, radius = np.array([-0.8, 0.8, 1.0]), 0.17
     height = radius * math.sqrt(1.5)
     # The top one, turned about (1, 1, 0) to where the others are, and thirds of a turn from there.

@@ -1,4 +1,4 @@
-"""What the scenes of the Standard Procedural Databases have in common.
+"""The common part of the scenes of the Standard Procedural Databases.
 
 A scene is a recipe: it knows its size and its counts at once, and makes its objects block by
 block, in the order in which the package (E. Haines, SPD 3) writes them. Positions are float64, as
@@ -38,7 +38,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 class Part(NamedTuple):
-    """The objects of one kind in a block.
+    """Holds the objects of one kind in a block.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ Report = Callable[[int], object]
 
 
 class Sink(Protocol):
-    """What a scene feeds itself to: a scene writer, or a test."""
+    """Takes a scene: a scene writer, or a test."""
 
     def camera(self, camera: Camera) -> Any: ...
 
@@ -96,13 +96,13 @@ class Sink(Protocol):
 
 
 class TextFile(Protocol):
-    """A file that takes text."""
+    """Takes text."""
 
     def write(self, text: str, /) -> Any: ...
 
 
 class SpdScene(abc.ABC):
-    """A standard scene of a given size.
+    """Makes a standard scene of a given size.
 
     Parameters
     ----------
@@ -133,25 +133,25 @@ class SpdScene(abc.ABC):
     @property
     @abc.abstractmethod
     def counts(self) -> dict[Kind, int]:
-        """How many objects of each kind the scene has."""
+        """Return the number of objects of each kind."""
 
     @property
     def vertices(self) -> int:
-        """How many vertices its polygons have."""
+        """Return the number of vertices of all polygons."""
         return 0
 
     @abc.abstractmethod
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """What makes the objects, in blocks of about `limit` at most, in the package's order."""
+        """Yield tasks that make blocks of about `limit` objects, in the package's order."""
 
     @property
     def objects(self) -> int:
-        """How many objects the scene has, all kinds together."""
+        """Return the number of objects of all kinds."""
         return sum(self.counts.values())
 
     @property
     def surface(self) -> float:
-        """The surface of its grid, about: known before the objects are."""
+        """Return about the surface of the scene's grid, before the objects are made."""
         extent, first = Extent(), 0
         for block in self._small().blocks(dtype=np.float32):
             for part in block:
@@ -162,13 +162,12 @@ class SpdScene(abc.ABC):
         return extent.outliers()[1].surface
 
     def _small(self) -> SpdScene:
-        """The scene at a size at which it reaches as far."""
+        """Return the scene at a smaller size, at which it extends as far."""
         return type(self)(min(self.size, self.settled))
 
     @property
     def store_bytes(self) -> int:
-        """What its store takes on disk at the most, without the header and the hierarchy; known
-        before anything is made."""
+        """Return the most bytes of its store, without header and hierarchy, before it is made."""
         width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
         total = len(self.materials) * MATERIAL_BYTES
         for kind, count in self.counts.items():
@@ -180,12 +179,12 @@ class SpdScene(abc.ABC):
 
     @property
     def hierarchy_bytes(self) -> int:
-        """And its hierarchy: levels of a twentieth of that or less, quantised boxes."""
+        """Return the most bytes of its hierarchy: a twentieth of the store, and quantised boxes."""
         boxed = sum(count for kind, count in self.counts.items() if kind != Kind.SPHERE)
         return self.store_bytes // 20 + boxed * CODE_BYTES
 
     def blocks(self, limit: int = BLOCK_OBJECTS, dtype: Scalar = np.float64) -> Iterator[Block]:
-        """The objects, block by block, in the package's order."""
+        """Yield the objects, block by block, in the package's order."""
         return (task(dtype) for task in self.tasks(limit))
 
     def feed(self, sink: Sink, threads: int = 1, progress: Report | None = None) -> None:
@@ -226,23 +225,31 @@ class SpdScene(abc.ABC):
         threads: int | None = None,
         progress: Report | None = None,
     ) -> Scene:
-        """Write the scene as a scene store, float32; returns it, opened.
+        """Write the scene as a scene store, with float32 geometry.
 
         Parameters
         ----------
         path : path-like
             The store to make.
         hierarchy : Hierarchy, optional
-            Settings of the box hierarchy; by default those that the paper has for the scene.
+            Settings of the box hierarchy. By default the paper's for this scene.
         threads : int, optional
-            That make blocks; by default all cores that this process may use.
+            Threads that make blocks. By default all cores that this process may use.
         progress : callable, optional
-            Called with the objects written so far; returning False cancels.
+            Called with the number of objects written so far; returning False cancels.
+
+        Returns
+        -------
+        Scene
+            The new store, opened.
 
         Raises
         ------
         DiskFullError
-            If the disk has less room than the store takes: before anything is written.
+            If the disk has less room than the store takes; this is found before anything is
+            written.
+        StreamError
+            If the system refuses a write.
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
@@ -262,9 +269,14 @@ class SpdScene(abc.ABC):
         Parameters
         ----------
         file : text file
-            Open for writing. Numbers have six digits, as C's %g gives them.
+            A file open for writing. Numbers have six digits, as C's %g writes them.
         threads, progress
             As for `write`.
+
+        Raises
+        ------
+        Cancelled
+            If `progress` returned False; the file has the text written so far.
         """
         file.write(_head(self.background, self.camera, self.lights))
         fills = [self.fill(number).encode() for number in range(len(self.materials))]
@@ -287,7 +299,7 @@ class SpdScene(abc.ABC):
                 raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
 
     def fill(self, material: int) -> str:
-        """What names a material where it changes."""
+        """Return the line of text that sets a material."""
         m = self.materials[material]
         return f"f {_numbers(*m.color, *m[1:])}\n"
 
@@ -296,7 +308,7 @@ class SpdScene(abc.ABC):
 
 
 def phong_power(degrees: float) -> float:
-    """The Phong power at which a highlight has half its strength at this angle.
+    """Return the Phong power at which a highlight has half its strength at an angle.
 
     Zero degrees is as good as invisible, and a right angle or more as good as flat.
     """
@@ -327,13 +339,13 @@ def _numbers(*values: float) -> str:
 
 
 def square(half: float, z: float, dtype: Scalar) -> Block:
-    """A level square about the z axis, of the scene's first material."""
+    """Make a level square about the z axis, of the scene's first material."""
     corners = [(half, half, z), (-half, half, z), (-half, -half, z), (half, -half, z)]
     return polygon(corners, dtype)
 
 
 def polygon(corners: list[Vector], dtype: Scalar) -> Block:
-    """One polygon, of the scene's first material."""
+    """Make one polygon, of the scene's first material."""
     part = Part(
         Kind.POLYGON,
         np.array(corners, dtype),
@@ -345,7 +357,7 @@ def polygon(corners: list[Vector], dtype: Scalar) -> Block:
 
 
 def check_room(path: str | os.PathLike[str], needed: int) -> None:
-    """Refuse what the disk has no room for, before it is begun."""
+    """Refuse a store that the disk has no room for, before it is begun."""
     folder = Path(os.path.realpath(path)).parent
     try:
         free = shutil.disk_usage(folder).free
@@ -362,7 +374,7 @@ def _counts(part: Part) -> npt.NDArray[np.uint32]:
 
 
 class _Ordered(NamedTuple):
-    """A block's objects in the package's order: which part each is in, and where."""
+    """Maps a block's objects, in the package's order, to their parts and their places there."""
 
     parts: Block
     owner: npt.NDArray[np.int64]

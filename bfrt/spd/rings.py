@@ -44,7 +44,7 @@ RING_COLORS = (
 
 
 class Rings(SpdScene):
-    """The rings of `size` layers."""
+    """Makes the rings of `size` layers."""
 
     name = "rings"
     camera = Camera(eye=EYE, at=(EYE[0], EYE[1] + 1.0, EYE[2]), up=(0.0, 0.0, 1.0), angle=45.0)
@@ -62,7 +62,7 @@ class Rings(SpdScene):
 
     @property
     def counts(self) -> dict[Kind, int]:
-        """30 joints for each of 1 + 4 + 9 + ... + size x size elements, and the wall."""
+        """Count 30 joints for each of 1 + 4 + 9 + ... + size x size elements, and the wall."""
         joints = JOINTS * self.size * (self.size + 1) * (2 * self.size + 1) // 6
         return {Kind.CONE: joints, Kind.SPHERE: joints, Kind.POLYGON: 1}
 
@@ -72,12 +72,12 @@ class Rings(SpdScene):
 
     @property
     def surface(self) -> float:
-        """Elements fill the unit spheres about them; the last layer is the widest."""
+        """Return the surface of the box around all unit spheres; the last layer is the widest."""
         width, depth = 2.0 * self.size, DISTANCE * (self.size - 1) + 2.0
         return 2.0 * (width * width + 2.0 * width * depth)
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """The wall, then the layers from the tip: cones and spheres of up to `limit` objects.
+        """Yield the wall, then the layers from the tip: blocks of up to `limit` objects.
 
         An element is never cut, so that a block has 60 objects at least.
         """
@@ -90,7 +90,7 @@ class Rings(SpdScene):
                 yield partial(_elements, joints, layer, first, min(first + step, elements))
 
     def _wall(self, dtype: Scalar) -> Block:
-        """A square behind the last layer that fills the view and 1 % more."""
+        """Make a square behind the last layer that fills the view and 1 % more."""
         y = DISTANCE * (self.size + 1)
         half = 1.01 * (y - EYE[1]) * math.tan(math.pi / 8)
         corners = [
@@ -101,7 +101,7 @@ class Rings(SpdScene):
 
 
 def element_joints() -> npt.NDArray[np.float64]:
-    """The 30 sphere centers of an element about the origin, ring by ring, shape (30, 3)."""
+    """Return the 30 sphere centers of an element about the origin, ring by ring, shape (30, 3)."""
     scale = 1.0 / (1.0 + RADIUS)  # the element fits in a unit sphere, its spheres included
     corners = [k * 2.0 * math.pi / RING for k in range(RING)]
     flat = np.array([(scale * math.cos(a), scale * math.sin(a), 0.0) for a in corners])
@@ -115,7 +115,7 @@ def element_joints() -> npt.NDArray[np.float64]:
 def _rotated(
     points: npt.NDArray[np.float64], angle: float, a: int, b: int
 ) -> npt.NDArray[np.float64]:
-    """The points turned by `angle` from axis `a` towards axis `b`."""
+    """Return the points turned by `angle` from axis `a` towards axis `b`."""
     cosine, sine = math.cos(angle), math.sin(angle)
     turned = points.copy()
     turned[:, a] = points[:, a] * cosine + points[:, b] * -sine
@@ -126,7 +126,7 @@ def _rotated(
 def _elements(
     joints: npt.NDArray[np.float64], layer: int, first: int, end: int, dtype: Scalar
 ) -> Block:
-    """The elements `first` to `end` of a layer: a cylinder and a sphere for each joint."""
+    """Make the elements `first` to `end` of a layer: a cylinder and a sphere for each joint."""
     index = np.arange(first, end, dtype=np.int64)
     offsets = np.empty((len(index), 1, 3))
     offsets[:, 0, 0] = 2 * (index % layer) - (layer - 1)

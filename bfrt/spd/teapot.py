@@ -37,14 +37,14 @@ Array = npt.NDArray[np.float64]
 
 
 class Grid(NamedTuple):
-    """Points of a patch and the normals there, both (rows, columns, 3)."""
+    """Holds points of a patch and the normals there, both (rows, columns, 3)."""
 
     points: Array
     normals: Array
 
 
 class Teapot(SpdScene):
-    """The teapot of `size` x `size` cells a patch."""
+    """Makes the teapot of `size` x `size` cells a patch."""
 
     name = "teapot"
     settled = 20
@@ -68,7 +68,7 @@ class Teapot(SpdScene):
         return 4 * self.size**2
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """White squares, grey squares, then the patches: rows of up to `limit` objects."""
+        """Yield white squares, grey squares, then the patches: rows of up to `limit` objects."""
         n = self.size
         for material in (WHITE, GREY):
             for first, last in _rows(n, max(1, limit // n)):
@@ -78,12 +78,12 @@ class Teapot(SpdScene):
                 yield partial(self._triangles, patch, first, last)
 
     def fill(self, material: int) -> str:
-        """At size 1 there is no white square, but the package names their color all the same."""
+        """Return the line that sets a material; at size 1 after white's, as the package does."""
         before = super().fill(WHITE) if (self.size, material) == (1, GREY) else ""
         return before + super().fill(material)
 
     def _squares(self, material: int, first: int, last: int, dtype: Scalar) -> Block:
-        """The squares of one color in columns [first, last), column by column."""
+        """Make the squares of one color in columns [first, last), column by column."""
         n = self.size
         column, row = np.divmod(np.arange(first * n, last * n), n)
         mine = (column + row) % 2 == (1 if material == WHITE else 0)
@@ -98,7 +98,7 @@ class Teapot(SpdScene):
         return (Part(Kind.POLYGON, records, materials, np.arange(len(x)), counts),)
 
     def _triangles(self, patch: int, first: int, last: int, dtype: Scalar) -> Block:
-        """The triangles of the cells in rows [first, last) of s, two a cell."""
+        """Make the triangles of the cells in rows [first, last) of s, two a cell."""
         n = self.size
         grid = _grid(patch, np.arange(first, last + 1) / n, np.arange(n + 1) / n)
         s, t = np.divmod(np.arange((last - first) * n), n)
@@ -127,7 +127,7 @@ def _rows(n: int, step: int) -> Iterator[tuple[int, int]]:
 
 
 def _grid(patch: int, s: Array, t: Array) -> Grid:
-    """A patch at s x t: points, and unit normals (zero where a tangent vanishes)."""
+    """Evaluate a patch at s x t: points, and unit normals (zero where a tangent vanishes)."""
     control = np.moveaxis(POINTS[PATCHES[patch]], -1, 0)
     basis = _times(_times(BEZIER, control), BEZIER.T)  # one matrix a coordinate
     powers, slopes = _powers(s), _slopes(s)
@@ -143,7 +143,7 @@ def _grid(patch: int, s: Array, t: Array) -> Grid:
 
 
 def _times(a: Array, b: Array) -> Array:
-    """The product of matrices (..., m, 4) and (..., 4, n), summed from first to last.
+    """Return the product of matrices (..., m, 4) and (..., 4, n), summed from first to last.
 
     The package does so, and prints six digits of it: many coordinates lie between two of those.
     """
@@ -152,10 +152,10 @@ def _times(a: Array, b: Array) -> Array:
 
 
 def _powers(x: Array) -> Array:
-    """Powers 3 to 0, (n, 4)."""
+    """Return the powers 3 to 0 of x, (n, 4)."""
     return np.stack([x * x * x, x * x, x, np.ones_like(x)], axis=1)
 
 
 def _slopes(x: Array) -> Array:
-    """Their derivatives."""
+    """Return the derivatives of the powers 3 to 0 of x, (n, 4)."""
     return np.stack([3.0 * (x * x), 2.0 * x, np.ones_like(x), np.zeros_like(x)], axis=1)

@@ -21,7 +21,7 @@ FACES = np.array([(0, 1, 2), (3, 2, 1), (2, 3, 0), (1, 0, 3)])
 
 
 class Tetra(SpdScene):
-    """The tetrahedron of `size` levels."""
+    """Makes the tetrahedron of `size` levels."""
 
     name = "tetra"
     camera = Camera(
@@ -39,7 +39,7 @@ class Tetra(SpdScene):
         return {Kind.TRIANGLE: len(CORNERS) ** self.size}
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """Parts of up to `limit` triangles; a tetrahedron of four is never cut."""
+        """Yield parts of up to `limit` triangles; a tetrahedron of four is never cut."""
         levels = 0
         while levels + 1 < self.size and len(CORNERS) ** (levels + 2) <= limit:
             levels += 1
@@ -50,7 +50,7 @@ class Tetra(SpdScene):
 
 @lru_cache(maxsize=4)
 def _centers(levels: int) -> npt.NDArray[np.float64]:
-    """Where the tetrahedra of a level are, in units of the first one's half side, (4^levels, 3)."""
+    """Return the centers of a level's tetrahedra, (4^levels, 3), in half sides of the first."""
     centers = np.zeros((1, 3))
     for level in range(levels):
         centers = (centers[:, None] + CORNERS * 0.5 ** (level + 1)).reshape(-1, 3)
@@ -59,14 +59,15 @@ def _centers(levels: int) -> npt.NDArray[np.float64]:
 
 @lru_cache(maxsize=4)
 def _triangles(levels: int) -> npt.NDArray[np.float64]:
-    """All triangles of a tetrahedron of so many levels, a tetrahedron of four a row, about its
-    center and in units of its half side, (4^levels, 36)."""
+    """Return all triangles of a tetrahedron of some levels about its center, in units of its half
+    side: (4^levels, 36), four triangles a row.
+    """
     corners = CORNERS * 0.5**levels
     return (_centers(levels)[:, None] + corners)[:, FACES].reshape(-1, 36)
 
 
 def _part(center: npt.NDArray[np.float64], levels: int, half: float, dtype: Scalar) -> Block:
-    """The triangles of one tetrahedron of `levels` more levels.
+    """Make the triangles of one tetrahedron of `levels` more levels.
 
     All is sums of powers of two, and exact in whatever order they are added.
     """

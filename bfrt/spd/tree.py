@@ -31,7 +31,7 @@ Matrix = npt.NDArray[np.float64]
 
 
 class Tree(SpdScene):
-    """The tree of `size` generations of forks."""
+    """Makes the tree of `size` generations of forks."""
 
     name = "tree"
     settled = 12
@@ -66,13 +66,13 @@ class Tree(SpdScene):
         return 4
 
     def tasks(self, limit: int = BLOCK_OBJECTS) -> Iterator[Task]:
-        """The field, then parts of the tree of up to `limit` objects."""
+        """Yield the field, then parts of the tree of up to `limit` objects."""
         yield partial(square, 50.0, 0.0)
         yield from _tasks(np.eye(4), 1.0, self.size, limit)
 
 
 def branches_of(depth: int) -> int:
-    """Branches of a part with `depth` generations of forks."""
+    """Return the number of branches of a part with `depth` generations of forks."""
     return int(2 ** (depth + 1) - 1)
 
 
@@ -86,7 +86,7 @@ def _tasks(frame: Matrix, scale: float, depth: int, limit: int) -> Iterator[Task
 
 
 def _part(frame: Matrix, scale: float, depth: int, dtype: Scalar) -> Block:
-    """A branch with `depth` generations of forks: a cone and a sphere for each."""
+    """Make a branch with `depth` generations of forks: a cone and a sphere for each."""
     frames = _frames(depth)
     ends = frames.ends @ frame[:, :3]
     radii = scale * WIDTH * frames.scales
@@ -104,7 +104,7 @@ def _part(frame: Matrix, scale: float, depth: int, dtype: Scalar) -> Block:
 
 
 class Frames(NamedTuple):
-    """The branches of a part, in its first one's frame, in the package's order."""
+    """Holds the branches of a part, in its first one's frame, in the package's order."""
 
     ends: npt.NDArray[np.float64]  # (2, n, 4): base and apex, homogeneous
     scales: npt.NDArray[np.float64]  # (n,)
@@ -112,7 +112,7 @@ class Frames(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _frames(depth: int) -> Frames:
-    """A branch comes before its forks, each of which comes with all its own."""
+    """Compute the branches of a part; a branch comes before its forks, each with all its own."""
     n = branches_of(depth)
     frames, scales = np.empty((n, 4, 4)), np.empty(n)
     now, places = np.eye(4)[None], np.zeros(1, np.int64)
@@ -128,7 +128,7 @@ def _frames(depth: int) -> Frames:
 
 @lru_cache(maxsize=1)
 def _forks() -> Matrix:
-    """The frames of the two forks in their parent's, (2, 4, 4)."""
+    """Return the frames of the two forks in their parent's, (2, 4, 4)."""
     forks = []
     for lean, turn, contraction in FORKS:
         leaning, turning, end = np.eye(4), np.eye(4), np.eye(4)

@@ -30,7 +30,7 @@ def bound(int kind, const unsigned char[::1] geometry, const uint32_t[::1] count
     geometry : (bytes,) uint8
         IN. The records, float64 if `wide`, else float32.
     counts : (n,) uint32
-        IN. Vertices of each polygon; of no use for other kinds, which have (n,) of anything.
+        IN. Number of vertices of each polygon; for other kinds (n,) of anything, not used.
     origin : sequence of 3 float
         Taken off wide coordinates.
     scalars : int
@@ -75,12 +75,12 @@ def bound(int kind, const unsigned char[::1] geometry, const uint32_t[::1] count
 
 
 cdef inline bint before(double size, uint64_t id, double other, uint64_t other_id) noexcept nogil:
-    """The order of the largest: by size, of one size by id."""
+    """Tell whether a box comes before another among the largest: by size, then by id."""
     return size > other or (size == other and id < other_id)
 
 
 cdef inline double size_of(const float* box) noexcept nogil:
-    """The square of a box's diagonal; 0 where it holds no point."""
+    """Return the square of a box's diagonal; 0 where it holds no point."""
     cdef double x = larger(<double>box[3] - box[0], 0.0)
     cdef double y = larger(<double>box[4] - box[1], 0.0)
     cdef double z = larger(<double>box[5] - box[2], 0.0)
@@ -109,7 +109,7 @@ def gather(const float[:, ::1] boxes, uint64_t first, double[::1] rest, double[:
     sizes, largest, largest_ids : (room,) float64, (room, 6) float32, (room,) uint64
         IN, OUT. The boxes that are kept, the largest first.
     count : int
-        How many are kept so far.
+        Number of boxes kept so far.
 
     Returns
     -------

@@ -11,7 +11,7 @@ from bfrt.records cimport Parent
 
 
 cdef inline double area_of(const Box* b) noexcept nogil:
-    """The surface of a box."""
+    """Return the surface of a box."""
     cdef double x, y, z
     if box_empty(b):
         return 0.0
@@ -57,7 +57,7 @@ cdef class Merger:
         Returns
         -------
         int
-            How many are complete.
+            Number of complete boxes.
         """
         cdef int64_t i, begin = self.begin, end = self.end, made = 0
         cdef Box box = self.box, both

@@ -28,22 +28,22 @@ BLOCK = 65536
 
 
 class Prepared(NamedTuple):
-    """Objects of one kind as they go to disk; the arrays are nobody else's.
+    """Holds objects of one kind as they go to disk, in arrays that nobody else has.
 
     Attributes
     ----------
     geometry : ndarray of uint8
         Their records.
     counts : (n,) uint32
-        Vertices of each polygon; of no use for other kinds.
+        Number of vertices of each polygon; not used for other kinds.
     materials : (n,) uint32
     boxes : (n, 6) float32
     degenerate : int
-        How many nothing can hit.
+        Number of objects that nothing can hit.
     bad : int
         The first that is not finite, or -1.
     group : int
-        That they belong to.
+        Number of the group that they belong to.
     """
 
     kind: Kind
@@ -77,7 +77,7 @@ def prepare(
 
 
 class MaterialColumn:
-    """A stream's materials in the smallest integers that fit; nothing while there is only one."""
+    """Writes a stream's materials in the smallest integers that fit; nothing for a single one."""
 
     def __init__(self, folder: Path, durable: bool) -> None:
         self._path = folder / "materials"
@@ -99,7 +99,7 @@ class MaterialColumn:
         self._count += len(materials)
 
     def _widen(self, width: int) -> None:
-        """Write what there is again, in wider integers."""
+        """Write the indices so far again, in wider integers."""
         old, old_bytes = self._file, self.bytes
         wider = FileWriter(self._path.with_suffix(f".{width}"), self._durable)
         self._file, self.bytes = wider, width
@@ -132,7 +132,7 @@ class MaterialColumn:
 
 
 class StreamWriter:
-    """One kind's files as they grow."""
+    """Writes the files of one kind."""
 
     def __init__(self, folder: Path, group: int, kind: Kind, wide: bool, durable: bool) -> None:
         try:
@@ -205,7 +205,7 @@ class StreamWriter:
         self._expected = count
 
     def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
-        """Make the hierarchy, or what is missing, from the files when they are complete."""
+        """Make the levels of the hierarchy that are missing, from the complete files."""
         if self.first_level is not None and self.count != self._expected:
             raise SceneError(
                 f"{self.label}: found {self.count} objects, expected {self._expected} as announced"
@@ -223,11 +223,11 @@ class StreamWriter:
         )
 
     def is_quantised(self, settings: Hierarchy) -> bool:
-        """Whether boxes are kept quantised too: not of spheres, whose records are as small."""
+        """Tell whether quantised boxes are kept: not for spheres, whose records are as small."""
         return settings.bits > 0 and self.kind != Kind.SPHERE
 
     def close(self) -> dict[str, Any]:
-        """Make the files durable; returns the stream's part of the header, without levels."""
+        """Make the files durable; return the stream's part of the header, without levels."""
         files = {}
         for name, file in self.files.items():
             file.close()
@@ -257,13 +257,13 @@ class StreamWriter:
 
 
 def file_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:
-    """The boxes of a complete stream, block by block."""
+    """Yield the boxes of a complete stream, block by block."""
     for block in _blocks(stream.files["boxes"].path, BOX_BYTES):
         yield np.frombuffer(block, "<f4").reshape(-1, 6)
 
 
 def sphere_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:
-    """The boxes of a complete stream of spheres, worked out again, on all cores."""
+    """Yield the boxes of a complete stream of spheres, computed again, on all cores."""
     scalar = "<f8" if stream.wide else "<f4"
 
     def boxes(block: bytes) -> NDArray[np.float32]:
@@ -276,7 +276,7 @@ def sphere_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.fl
 
 
 def _blocks(path: Path, size: int) -> Iterator[bytes]:
-    """A file's records of `size` bytes, up to BLOCK of them at a time."""
+    """Yield a file's records of `size` bytes, up to BLOCK of them at a time."""
     try:
         with path.open("rb") as file:
             while block := file.read(BLOCK * size):

@@ -1,8 +1,8 @@
 """Bounds of a group as it is written, and the outliers that its grid is better without.
 
 A few objects far larger than the rest (a ground polygon) would make a grid in which all others
-share a few voxels. The largest boxes are kept aside, and those without which the grid's volume at
-least halves stay out of it (DESIGN section 4); every ray is tested against them first.
+share a few voxels. The largest boxes are kept aside. The boxes whose absence at least halves the
+grid's volume stay out of it (docs/algorithm.rst, Outliers); every ray is tested against them first.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SMALLEST = 2.0**-48
 
 
 class Bounds(NamedTuple):
-    """An axis-parallel box, float64, relative to the store's origin; (3,) each."""
+    """Holds an axis-parallel box, float64, relative to the store's origin; (3,) each."""
 
     lo: NDArray[np.float64]
     hi: NDArray[np.float64]
@@ -43,12 +43,12 @@ class Bounds(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """The greatest coordinate, whatever its sign."""
+        """Return the greatest coordinate, whatever its sign."""
         return 0.0 if self.empty else float(np.abs(self).max())
 
     @property
     def surface(self) -> float:
-        """Of all six faces."""
+        """Return the area of all six faces."""
         x, y, z = (0.0, 0.0, 0.0) if self.empty else (self.hi - self.lo).tolist()
         return float(2.0 * (x * y + y * z + z * x))
 
@@ -56,7 +56,7 @@ class Bounds(NamedTuple):
         return Bounds(np.minimum(self.lo, other.lo), np.maximum(self.hi, other.hi))
 
     def grid_sides(self) -> NDArray[np.float64]:
-        """Side lengths with flat axes thickened."""
+        """Return the side lengths, with flat axes thickened."""
         sides: NDArray[np.float64] = np.maximum(self.hi - self.lo, FLATTEST * self.diagonal)
         return sides
 
@@ -65,7 +65,7 @@ NOTHING = Bounds(np.full(3, np.inf), np.full(3, -np.inf))
 
 
 def bounds_of(boxes: NDArray[np.floating]) -> Bounds:
-    """The union of boxes (n, 6); boxes of degenerate objects (inf, -inf) add nothing."""
+    """Return the union of boxes (n, 6); boxes of degenerate objects (inf, -inf) add nothing."""
     if len(boxes) == 0:
         return NOTHING
     return Bounds(
@@ -81,7 +81,7 @@ def check_extent(bounds: Bounds, origin: Vector) -> None:
     bounds : Bounds
         All objects', relative to `origin`.
     origin : tuple of 3 float
-        The store's.
+        The store's origin.
 
     Raises
     ------
@@ -115,17 +115,17 @@ class Extent:
         )
 
     def _without(self, largest: int) -> Bounds:
-        """The bounds of all but so many of the largest."""
+        """Return the bounds without the `largest` largest boxes."""
         rest = Bounds(self._rest[:3].copy(), self._rest[3:].copy())
         return rest.union(bounds_of(self._boxes[largest : self._count]))
 
     @property
     def bounds(self) -> Bounds:
-        """All objects."""
+        """Return the bounds of all objects."""
         return self._without(0)
 
     def outliers(self) -> tuple[list[int], Bounds]:
-        """Ids that stay out of the grid, ascending, and the bounds of all others."""
+        """Return the ids that stay out of the grid, ascending, and the bounds of all others."""
         left = [self._without(k) for k in range(self._count + 1)]
         volumes = [0.0 if b.empty else float(np.prod(b.grid_sides())) for b in left]
         out = 0

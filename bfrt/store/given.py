@@ -1,4 +1,4 @@
-"""What a caller gives to be written, as arrays of numbers; anything else raises `SceneError`."""
+"""A caller's numbers as arrays of known shape; anything else raises `SceneError`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bfrt.store.model import Vector
 
 
 def array_of(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Anything that NumPy takes for an array."""
+    """Return anything that NumPy takes for an array as one."""
     try:
         return np.asarray(value)
     except (TypeError, ValueError) as error:  # rows of different lengths
@@ -21,7 +21,7 @@ def array_of(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def floats_of(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Numbers as float32 where that is what they are, in any byte order, else as float64."""
+    """Return numbers as float32 if they are float32 in any byte order, else as float64."""
     array = array_of(name, value)
     if array.dtype.kind not in "fiu" and array.size:
         raise SceneError(f"{name}: found {array.dtype}, expected numbers")
@@ -30,7 +30,7 @@ def floats_of(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def triple_of(name: str, value: ArrayLike) -> Vector:
-    """A position, a direction or a color."""
+    """Return a position, a direction or a color as a tuple."""
     array = floats_of(name, value).astype(np.float64, copy=False)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise SceneError(f"{name}: found {value!r:.80}, expected three finite numbers")
@@ -38,7 +38,7 @@ def triple_of(name: str, value: ArrayLike) -> Vector:
 
 
 def rows_of(name: str, value: ArrayLike, row: Sequence[int]) -> tuple[NDArray[Any], int]:
-    """Numbers of an object each, in that shape; and how many objects."""
+    """Return numbers of shape (n, *row), and n."""
     array = floats_of(name, value)
     if array.shape[1:] != tuple(row) or array.ndim != len(row) + 1:
         expected = ", ".join(str(r) for r in ("n", *row))
@@ -47,7 +47,7 @@ def rows_of(name: str, value: ArrayLike, row: Sequence[int]) -> tuple[NDArray[An
 
 
 def column_of(name: str, value: ArrayLike, n: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """A number of each of n objects, or one for all, as a column."""
+    """Return a number for each of n objects as a column; one number stands for all."""
     with np.errstate(over="ignore"):  # infinity is refused
         array = floats_of(name, value).astype(dtype, copy=False)
     if array.ndim == 0:

@@ -17,14 +17,14 @@ from bfrt.store.store import bounds_to
 
 
 class GroupWriter:
-    """One group of a store.
+    """Writes one group of a store.
 
     Parameters
     ----------
     folder : Path
-        The group's.
+        The group's folder.
     number : int
-        The group's.
+        The group's number.
     """
 
     def __init__(self, folder: Path, number: int, hierarchy: Hierarchy, durable: bool) -> None:
@@ -40,11 +40,11 @@ class GroupWriter:
 
     @property
     def bounds(self) -> Bounds:
-        """Those of all objects."""
+        """Return the bounds of all objects."""
         return self._extent.bounds
 
     def expect(self, counts: Mapping[Kind, int], surface: float) -> None:
-        """Make first levels as the objects come, of which there will be so many."""
+        """Announce objects, so that first levels are made as they come."""
         if self.streams:
             raise SettingError("expect: found objects already, expected a call before the first")
         self._expected, self._surface = dict(counts), float(surface)
@@ -61,7 +61,7 @@ class GroupWriter:
         self.streams[block.kind].append(block, self._extent)
 
     def close(self, origin: Vector) -> dict[str, Any]:
-        """Complete all files; returns the group's part of the header."""
+        """Complete all files; return the group's part of the header."""
         headers = [self.streams[kind].close() for kind in sorted(self.streams)]
         outliers, grid_bounds = self._extent.outliers()
         surface = self._surface if self._expected else grid_bounds.surface

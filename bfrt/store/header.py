@@ -1,4 +1,4 @@
-"""What the fields of a store's header may be; nothing else is believed, whatever its checksum.
+"""Checks of all fields of a store's header, which no checksum replaces.
 
 A check takes a value as JSON has it, and gives it back as the store uses it, or raises ValueError
 with where it is, what was found and what was expected.
@@ -22,7 +22,7 @@ Check = Callable[[Any], Any]
 
 
 def header_text(header: dict[str, Any]) -> str:
-    """The one text of a header: sorted, indented, with its own checksum."""
+    """Return the only text of a header: sorted, indented, with its own checksum."""
     body = {key: value for key, value in header.items() if key != "checksum"}
     text = json.dumps(body, indent=1, sort_keys=True, allow_nan=False)
     body["checksum"] = zlib.crc32(text.encode())
@@ -30,7 +30,7 @@ def header_text(header: dict[str, Any]) -> str:
 
 
 def digest_of(header: dict[str, Any]) -> int:
-    """A checksum of the scene alone: stores that differ in their hierarchies have the same."""
+    """Return a checksum of the scene alone, the same whatever hierarchy the store has."""
     own = ("hierarchy", "checksum")
     scene = {key: value for key, value in header.items() if key not in own}
     scene["groups"] = [
@@ -54,7 +54,7 @@ def _wrong(value: Any, expected: str) -> ValueError:
 
 
 def whole(end: int) -> Check:
-    """A whole number in [0, end)."""
+    """Return a check for a whole number in [0, end)."""
 
     def check(value: Any) -> int:
         if type(value) is not int or not 0 <= value < end:
@@ -65,14 +65,14 @@ def whole(end: int) -> Check:
 
 
 def truth(value: Any) -> bool:
-    """True or false."""
+    """Check a value that is true or false."""
     if not isinstance(value, bool):
         raise _wrong(value, "true or false")
     return value
 
 
 def real(value: Any) -> float:
-    """A finite number."""
+    """Check a finite number."""
     if type(value) not in (int, float) or not abs(value) < math.inf:
         raise _wrong(value, "a finite number")
     try:
@@ -82,7 +82,7 @@ def real(value: Any) -> float:
 
 
 def listed(check: Check, length: int | None = None) -> Check:
-    """A list of things, so many where `length` says so."""
+    """Return a check for a list, of `length` things where that is given."""
 
     def check_all(value: Any) -> tuple[Any, ...]:
         if not isinstance(value, list) or length not in (None, len(value)):
@@ -93,7 +93,7 @@ def listed(check: Check, length: int | None = None) -> Check:
 
 
 def named(check: Check) -> Check:
-    """An object whose values are all of one sort."""
+    """Return a check for a JSON object whose values all pass `check`."""
 
     def check_all(value: Any) -> dict[str, Any]:
         if not isinstance(value, dict):
@@ -104,7 +104,7 @@ def named(check: Check) -> Check:
 
 
 def fields(**checks: Check) -> Check:
-    """An object with these fields and no others."""
+    """Return a check for a JSON object with these fields and no others."""
 
     def check_all(value: Any) -> dict[str, Any]:
         if not isinstance(value, dict) or set(value) != set(checks):
@@ -115,7 +115,7 @@ def fields(**checks: Check) -> Check:
 
 
 def optional(check: Check) -> Check:
-    """Null, or what `check` takes."""
+    """Return a check for null, or what `check` takes."""
     return lambda value: None if value is None else check(value)
 
 
@@ -127,7 +127,7 @@ def _field(name: str, check: Check, value: Any) -> Any:
 
 
 def bounds(value: Any) -> tuple[Vector, Vector]:
-    """The corners of a box."""
+    """Check the corners of a box."""
     lo, hi = listed(vector, 2)(value)
     if not all(a <= b for a, b in zip(lo, hi, strict=True)):
         raise _wrong(value, "a lower and a higher corner")
@@ -135,7 +135,7 @@ def bounds(value: Any) -> tuple[Vector, Vector]:
 
 
 def camera(value: Any) -> Camera:
-    """A camera, in range."""
+    """Check a camera, its ranges included."""
     try:
         return Camera(**CAMERA(value))
     except SceneError as error:
@@ -147,7 +147,7 @@ def light(value: Any) -> Light:
 
 
 def stream(value: Any) -> dict[str, Any]:
-    """One stream, whose numbers agree."""
+    """Check one stream, whose numbers have to agree."""
     found: dict[str, Any] = STREAM(value)
     levels = found["levels"]
     if len(levels) > MOST_LEVELS or not all(
@@ -162,7 +162,7 @@ def stream(value: Any) -> dict[str, Any]:
 
 
 def group(value: Any) -> dict[str, Any]:
-    """One group: streams of ascending kinds; its number is its place, so ids are not judged."""
+    """Check one group: streams of ascending kinds; its number is its place, so ids pass."""
     found: dict[str, Any] = GROUP(value)
     for name, order in (
         ("streams", [s["kind"] for s in found["streams"]]),

@@ -50,21 +50,24 @@ Boxes = Iterable[NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """Settings of a hierarchy, by the paper's letters.
+    """Holds the settings of a hierarchy, by the paper's letters.
 
     Parameters
     ----------
     s : float
-        The side of a merged box, in those of cubes as many as there are boxes; more than 0.
+        The size of a merged box, more than 0: boxes are merged, in the order of the objects, while
+        the surface of the result is at most that of a cube of s voxels a side, in a grid of as many
+        voxels as there are boxes. That is T = (s / N^(1/3))^2 of the grid's surface for N boxes.
     n : int
-        Of so few boxes the last level is made.
+        A level over n boxes or fewer is the last; 1 or more.
     l : int
-        The last level, 1 to 8, if none before it was.
+        The most levels, 1 to 8.
     t : float
-        T for the last level: 1 merges all that is left.
+        T for the last level, 0 or more: 1 merges all boxes that are left.
     bits : {8, 0}
-        Of each side of an object's box as it is quantised; 0 leaves those out. Spheres have none:
-        their records are as small. (No letter of the paper's.)
+        Bits a side of objects' boxes, which are kept quantised beside the exact ones; 0 keeps the
+        exact ones only. Spheres have no quantised boxes: their records are as small. (The paper has
+        no letter for this.)
 
     Raises
     ------
@@ -87,19 +90,19 @@ class Hierarchy:
             raise SettingError(f"hierarchy: found l={self.l}, expected 1 to {MOST_LEVELS}")
 
     def threshold(self, count: int, level: int) -> tuple[float, bool]:
-        """T for the `level` over `count` boxes, and whether that is the last."""
+        """Return T for the `level` over `count` boxes, and whether that level is the last."""
         if count <= self.n or level >= self.l:
             return self.t, True
         return (self.s / count ** (1 / 3)) ** 2, False
 
 
 def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
-    """Settings of ``"s=3,n=1000,l=4,t=1,bits=8"``, any of them; the others are the default's.
+    """Parse settings such as ``"s=3,n=1000,l=4,t=1,bits=8"``; the default has those left out.
 
     Raises
     ------
     SettingError
-        If it is something else.
+        If the text is something else, or a setting is out of range.
     """
     base = default or Hierarchy()
     kinds = {f.name: type(getattr(base, f.name)) for f in fields(base)}
@@ -116,25 +119,25 @@ def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
 
 
 class Level:
-    """One level of a stream's hierarchy as it is made, in a file ``level1``, ``level2`` ...
+    """Writes one level of a stream's hierarchy, in a file ``level1``, ``level2`` ...
 
     Parameters
     ----------
     folder : Path
-        The stream's.
+        The stream's folder.
     number : int
-        The level's, from 1.
+        The level's number, from 1.
     below : int
-        How many boxes the level below has.
+        Number of boxes in the level below.
     surface : float
-        The grid's.
+        The surface of the group's grid.
     quantised : bool
-        Whether the boxes below are kept quantised, in a file of that name.
+        Whether to keep the boxes below quantised, in a file of that name.
 
     Attributes
     ----------
     files : dict of str to FileWriter
-        By their names.
+        The level's files by their names.
     """
 
     def __init__(
@@ -171,7 +174,7 @@ class Level:
         self.seconds += time.perf_counter() - start
 
     def finish(self) -> None:
-        """Complete the last one, and the files."""
+        """Complete the last box, and the files."""
         made = np.empty(1, PARENT)
         self._keep(made[: self._merger.finish(made)], self._waiting[:0])
         for file in self.files.values():
@@ -213,15 +216,15 @@ def make_levels(
     Parameters
     ----------
     boxes : iterable of (n, 6) float32
-        Of all objects, in their order.
+        The boxes of all objects, in their order.
     count : int
-        How many they are.
+        Number of objects.
     surface : float
-        Of the group's grid.
+        The surface of the group's grid.
     first : Level, optional
-        The first level, where it was made as the objects came; `boxes` are of no use then.
+        The first level, where it was made as the objects came; `boxes` are not used then.
     quantised : bool
-        As for `Level`, of the first.
+        As for `Level`, for the first one.
     """
     levels: list[Level] = []
     last = count == 0
@@ -248,7 +251,7 @@ def make_levels(
 
 
 def level_boxes(path: Path) -> Iterator[NDArray[np.float32]]:
-    """The boxes of a level, block by block."""
+    """Yield the boxes of a level, block by block."""
     try:
         with path.open("rb") as file:
             while block := file.read(PARENT.itemsize << 15):

@@ -1,4 +1,4 @@
-"""What a scene has beside its objects: camera, lights, materials, background."""
+"""The parts of a scene beside its objects: camera, lights and materials."""
 
 from __future__ import annotations
 
@@ -13,23 +13,26 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, as NFF's ``v`` has it.
+    """Describes a pinhole camera, as NFF's ``v`` does.
 
     Parameters
     ----------
-    eye, at, up : tuple of 3 float
-        Where the eye is, what it looks at, and which way is up.
+    eye, at : tuple of 3 float
+        Where the eye is and the point it looks at, world coordinates.
+    up : tuple of 3 float
+        The direction that is up in the image; of any length, not along the view. By default +z.
     angle : float
-        Field of view in degrees from the bottom to the top of the image, in (0, 180).
+        Vertical field of view, from the bottom to the top of the image, in degrees, in (0, 180).
+        The horizontal one follows from the resolution: pixels are square.
     hither : float
-        Distance of the hither plane. Kept; a ray tracer has no use for it.
+        Distance of NFF's hither plane, world units. It is kept and not used: nothing is clipped.
     resolution : tuple of 2 int
-        Width and height in pixels.
+        Width and height in pixels, 1 to 65535 each.
 
     Raises
     ------
     SceneError
-        If the directions are degenerate or a value is out of range.
+        If a number is not finite or out of range, or if eye, at and up do not span a view.
     """
 
     eye: Vector
@@ -59,14 +62,47 @@ class Camera:
 
 
 class Light(NamedTuple):
-    """A point light at `position` (world units) of relative `color`."""
+    """Describes a point light.
+
+    Its light does not weaken with distance. With n lights a scene takes each color times
+    sqrt(n) / (2 n), and white times as much for the ambient light, as the SPD text offers: two
+    white lights have an intensity of 0.35 each.
+
+    Parameters
+    ----------
+    position : tuple of 3 float
+        Where the light is, world coordinates.
+    color : tuple of 3 float
+        Linear RGB, relative: (1, 1, 1), the default, is white of full strength.
+    """
 
     position: Vector
     color: Vector = (1.0, 1.0, 1.0)
 
 
 class Material(NamedTuple):
-    """NFF's ``f``: color, diffuse, specular, Phong power, transmittance, index of refraction."""
+    """Describes a material, as NFF's ``f`` does.
+
+    All numbers are 0 or more, and are stored as float32. `SceneWriter.material` refuses others.
+
+    Parameters
+    ----------
+    color : tuple of 3 float
+        Linear RGB, usually 0 to 1. It colors the diffuse and the ambient light.
+    kd : float
+        Part of the light that is scattered (Lambert); the ambient light is scattered likewise.
+    ks : float
+        Part of the light that is mirrored. A surface with ks > 0 is a mirror: each hit sends a
+        reflection ray of weight `ks`. Lights make a highlight of this strength in their own color.
+    shine : float
+        Phong's exponent of the highlight; larger is smaller and sharper.
+    transmittance : float
+        Part of the light that passes through. A hit on a surface with transmittance > 0 sends a
+        refraction ray of this weight, and a reflection ray of weight `ks`; in total internal
+        reflection the latter takes both weights.
+    ior : float
+        Index of refraction inside; 0, as SPD writes it for opaque objects, counts as 1.
+    """
 
     color: Vector = (0.8, 0.8, 0.8)
     kd: float = 1.0
@@ -77,7 +113,7 @@ class Material(NamedTuple):
 
 
 def cross(a: list[float] | Vector, b: list[float] | Vector) -> Vector:
-    """The cross product of two 3-vectors."""
+    """Return the cross product of two 3-vectors."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

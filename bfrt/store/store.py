@@ -55,7 +55,7 @@ PALETTE = "palette"
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What the header knows of a file."""
+    """Holds what the header says about a file."""
 
     bytes: int
     crc32: int
@@ -63,7 +63,7 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class Stream:
-    """All objects of one kind in one group."""
+    """Describes all objects of one kind in one group."""
 
     folder: Path
     group: int
@@ -81,19 +81,19 @@ class Stream:
 
     @property
     def number(self) -> int:
-        """The stream's part of an object id."""
+        """Return the stream's part of an object id."""
         return stream_number(self.group, self.kind)
 
     @property
     def stride(self) -> int:
-        """Bytes of a record; of a vertex, for polygons."""
+        """Return the bytes of a record; for polygons, of a vertex."""
         return SCALARS[self.kind] * (8 if self.wide else 4)
 
     def path(self, name: str) -> Path:
         return self.folder / name
 
     def expected_bytes(self) -> dict[str, int]:
-        """The sizes that the counts imply."""
+        """Return the size of each file, bytes, that the counts imply."""
         records = self.vertices if self.kind == Kind.POLYGON else self.count
         sizes = {"geometry": records * self.stride}
         if self.kind != Kind.SPHERE:
@@ -111,7 +111,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class Group:
-    """Objects that share a grid."""
+    """Describes objects that share a grid."""
 
     number: int
     streams: list[Stream]
@@ -120,12 +120,12 @@ class Group:
 
     @property
     def gridded(self) -> int:
-        """Objects in the grid."""
+        """Return the number of objects in the grid."""
         return sum(s.count - s.degenerate for s in self.streams) - len(self.outliers)
 
     @property
     def quantised_checksum(self) -> int:
-        """Of quantised boxes, and of those that they lie in; 0 where there are none."""
+        """Return a checksum of quantised boxes and of the boxes around them; 0 if none."""
         crc = 0
         for stream in self.streams:
             if stream.quantised:
@@ -136,14 +136,14 @@ class Group:
 
 @dataclass(frozen=True)
 class Store:
-    """An open scene store: the header, not the data.
+    """Holds the header of an open scene store, not its data.
 
     Attributes
     ----------
     path : Path
         Where it is.
     origin : tuple of 3 float
-        What boxes and float32 coordinates are relative to, in world coordinates.
+        The point that boxes and float32 coordinates are relative to, world coordinates.
     bounds : Bounds
         The box around all objects, ``lo`` and ``hi`` (3,) float64, relative to the origin;
         ``empty`` where there are none.
@@ -173,7 +173,7 @@ class Store:
 
     @property
     def world_bounds(self) -> Bounds:
-        """The box around all objects in world coordinates: `bounds` with the origin added."""
+        """Return the box around all objects in world coordinates: `bounds` plus the origin."""
         return Bounds(self.bounds.lo + self.origin, self.bounds.hi + self.origin)
 
     @property
@@ -182,17 +182,17 @@ class Store:
 
     @property
     def bytes(self) -> int:
-        """Bytes on disk, without marks."""
+        """Return the bytes on disk, without marks."""
         files = sum(f.bytes for s in self.streams for f in s.files.values())
         return files + self.palette.bytes + self.header_bytes
 
     def files(self) -> list[tuple[Path, FileFacts]]:
-        """Every file that the header vouches for."""
+        """Return every file that the header lists."""
         listed = [(s.path(name), f) for s in self.streams for name, f in s.files.items()]
         return [*listed, (self.path / PALETTE, self.palette)]
 
     def materials(self) -> NDArray[Any]:
-        """The palette, (materials,) of records.MATERIAL.
+        """Return the palette, (materials,) of records.MATERIAL.
 
         Raises
         ------
@@ -216,7 +216,8 @@ class Store:
         Raises
         ------
         StoreError
-            For the first file that differs from what was written. Of marks bfrt.grid.marks knows.
+            If a file differs from what was written; it names the first. `Scene.verify` reads the
+            marks too.
         """
         open_store(self.path)
         for path, facts in self.files():
@@ -232,7 +233,7 @@ def damaged(path: Path, facts: FileFacts) -> StoreError:
 
 
 def checksum_of(path: Path, start: int = 0) -> tuple[int, int]:
-    """CRC-32 and length of a file from byte `start` on, read in blocks."""
+    """Return the CRC-32 and the length of a file from byte `start` on, read in blocks."""
     crc = length = 0
     try:
         with path.open("rb") as file:
@@ -269,7 +270,7 @@ def open_store(path: str | os.PathLike[str]) -> Store:
 
 
 def has_magic(path: Path) -> bool:
-    """Whether a directory is a scene store of any version: what may be replaced by another."""
+    """Tell whether a directory is a scene store of any version, which another may replace."""
     try:
         return bool(json.loads((path / HEADER).read_bytes())["magic"] == MAGIC)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -300,7 +301,7 @@ def _parse(path: Path, data: bytes) -> Store:
 
 
 def _is_whole(header: dict[str, Any], data: bytes) -> bool:
-    """Whether the text is the one that its contents, and so its checksum, make."""
+    """Tell whether the text is the one that its contents, and so its checksum, make."""
     try:
         return header_text(header).encode() == data
     except (ValueError, RecursionError):  # NaN, or nested without end
@@ -331,7 +332,7 @@ def _store(path: Path, header: dict[str, Any], digest: int, size: int) -> Store:
 
 
 def _made(file: Path) -> float:
-    """The seconds that the hierarchy took."""
+    """Return the seconds that the hierarchy took."""
     try:
         data = file.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
@@ -367,7 +368,7 @@ def _group(path: Path, number: int, group: dict[str, Any]) -> Group:
 
 
 def bounds_from(value: tuple[Vector, Vector] | None) -> Bounds:
-    """Bounds as a header has them: two corners, or nothing at all."""
+    """Return the bounds of a header's two corners, or empty bounds for None."""
     return NOTHING if value is None else Bounds(np.array(value[0]), np.array(value[1]))
 
 

@@ -62,7 +62,7 @@ BLOCK = 65536
 
 
 class StoreWriter:
-    """Write a scene store, block by block.
+    """Writes a scene store, block by block.
 
     Parameters
     ----------
@@ -70,15 +70,16 @@ class StoreWriter:
         The store to make. A store that is there is replaced when this one is complete; anything
         else that is there is refused.
     dtype : {None, "float32", "float64"}
-        What geometry is stored as. None keeps float32 as it is and everything else as float64.
+        The type that geometry is stored as. None keeps float32 as it is and all else as float64.
     origin : (3,) array_like, optional
-        What boxes and float32 coordinates are relative to, world units. By default zero where
-        the first block is float32, and the center of the first block where it is float64.
+        The point that boxes and float32 coordinates are relative to, world coordinates. By default
+        zero if the first block is float32, and the center of the first block if it is float64.
     hierarchy : Hierarchy, optional
-        Settings of the box hierarchy, which is made when all objects are written.
+        Settings of the box hierarchy, which is made when all objects are written. By default
+        `Hierarchy`'s.
     durable : bool
-        Whether the store outlives a loss of power once it has its name; of no use for one that is
-        removed after a render.
+        Whether the store outlives a loss of power once it has its name, which takes a moment; not
+        needed for a store that is removed after a render.
 
     Raises
     ------
@@ -87,9 +88,9 @@ class StoreWriter:
         and a scene that is so small, so far from the origin, that float64 cannot tell its parts
         apart.
     DiskFullError, StreamError
-        As the system refuses; nothing is left behind.
+        If the system refuses a write; nothing is left behind.
     SettingError
-        For what is in the way at `path`, and for calls after the end. An error in a block, or an
+        If `path` exists and is no store, and for calls after the end. An error in a block, or an
         interrupt while one is written, is an end too: half a block is never kept.
 
     Examples
@@ -139,7 +140,18 @@ class StoreWriter:
             raise
 
     def camera(self, camera: Camera) -> None:
-        """Set the view that is rendered where no other is asked for."""
+        """Set the view that is rendered where the caller gives no other.
+
+        Parameters
+        ----------
+        camera : Camera
+            In world coordinates. A second call replaces the first.
+
+        Raises
+        ------
+        SceneError
+            If a vector is not three finite numbers, or a value is out of range.
+        """
         self._camera = Camera(
             triple_of("eye", camera.eye),
             triple_of("at", camera.at),
@@ -150,30 +162,77 @@ class StoreWriter:
         )
 
     def light(self, light: Light) -> None:
-        """Add a point light."""
+        """Add a point light.
+
+        Parameters
+        ----------
+        light : Light
+            Position in world coordinates, and relative color.
+
+        Raises
+        ------
+        SceneError
+            If position or color are not three finite numbers.
+        """
         self._lights.append(
             Light(triple_of("light", light.position), triple_of("color of a light", light.color))
         )
 
     def background(self, color: Vector) -> None:
-        """Set the color that rays see that hit nothing."""
+        """Set the color of rays that meet nothing.
+
+        Parameters
+        ----------
+        color : (3,) array_like
+            Linear RGB. A scene without a call has black, (0, 0, 0).
+
+        Raises
+        ------
+        SceneError
+            If the color is not three finite numbers.
+        """
         self._background = triple_of("background", color)
 
     def expect(self, counts: Mapping[Kind, int], surface: float) -> None:
-        """Announce the objects of group 0, before the first: the first level of the hierarchy is
-        then made as they come, without a second pass over their boxes.
+        """Announce the objects of group 0, before the first of them is added.
+
+        The first level of the hierarchy is then made as objects come, without a second pass over
+        their boxes.
 
         Parameters
         ----------
         counts : mapping of Kind to int
-            Of all kinds that will be added. A store that gets other counts is refused at its end.
+            Number of objects of each kind that will be added. A store that gets other counts is
+            refused at its end.
         surface : float
-            That of the grid, about; it decides how many boxes are merged into one.
+            The surface of the grid, about, in square world units; it decides how many boxes are
+            merged into one.
+
+        Raises
+        ------
+        SettingError
+            If objects were added already.
         """
         self._groups[0].expect(counts, surface)
 
     def material(self, material: Material) -> int:
-        """Add a material to the palette; returns its index. A repeated one is found again."""
+        """Add a material to the palette; return its index.
+
+        Parameters
+        ----------
+        material : Material
+            One that equals a recent one (of the last 65536 different ones) gets its index again.
+
+        Returns
+        -------
+        int
+            The index that objects refer to, from 0.
+
+        Raises
+        ------
+        SceneError
+            If a number is negative, or not finite as float32.
+        """
         index = self._remembered.get(material)
         if index is not None:
             return index
@@ -199,10 +258,29 @@ class StoreWriter:
         *,
         group: int = 0,
     ) -> None:
-        """Add spheres: centers (n, 3), radii (n,), material index or indices (n,).
+        """Add spheres.
 
-        Radii are taken as what the centers are, float32 or float64. Objects of a group have a grid
-        of their own; groups are numbered from 0 as they come, and a new one has the next number.
+        Parameters
+        ----------
+        centers : (n, 3) array_like
+            World coordinates. Float32 stays float32; all other numbers are taken as float64.
+        radii : float or (n,) array_like
+            World units, converted to the type of `centers`. A negative radius turns the normal
+            inwards; a sphere of radius 0 is kept and never hit.
+        materials : int or (n,) array_like of int, optional
+            Indices that `material` returned. By default a plain `Material`.
+        group : int
+            The group that the objects belong to; each group has a grid of its own. Groups are
+            numbered from 0 without gaps: an old one, or the next.
+
+        Raises
+        ------
+        SceneError
+            If shapes do not fit, a number is not finite, or a material does not exist.
+        SettingError
+            If `group` is beyond the next, or the writer is closed.
+        DiskFullError, StreamError
+            If the system refuses a write.
         """
         c, n = rows_of("centers", centers, (3,))
         records = np.hstack([c, column_of("radii", radii, n, c.dtype)])
@@ -218,7 +296,31 @@ class StoreWriter:
         *,
         group: int = 0,
     ) -> None:
-        """Add cones without caps: ends (n, 3) and radii (n,). Equal radii make cylinders."""
+        """Add cones and cylinders without caps.
+
+        Parameters
+        ----------
+        bases, apexes : (n, 3) array_like
+            The centers of both ends, world coordinates. If both are float32 they stay so; else
+            both are taken as float64.
+        base_radii, apex_radii : float or (n,) array_like
+            The radii at the ends, world units. Equal radii make a cylinder, and 0 a tip. Negative
+            radii turn the normals inwards; the two of a cone have one sign.
+        materials : int or (n,) array_like of int, optional
+            Indices that `material` returned. By default a plain `Material`.
+        group : int
+            The group that the objects belong to, as for `spheres`.
+
+        Raises
+        ------
+        SceneError
+            If shapes do not fit, a cone has radii of both signs, a number is not finite, or a
+            material does not exist.
+        SettingError
+            If `group` is beyond the next, or the writer is closed.
+        DiskFullError, StreamError
+            If the system refuses a write.
+        """
         a, n = rows_of("bases", bases, (3,))
         b, m = rows_of("apexes", apexes, (3,))
         if n != m:
@@ -233,7 +335,27 @@ class StoreWriter:
     def triangles(
         self, vertices: ArrayLike, materials: ArrayLike | None = None, *, group: int = 0
     ) -> None:
-        """Add triangles: vertices (n, 3, 3), counterclockwise from outside."""
+        """Add triangles.
+
+        Parameters
+        ----------
+        vertices : (n, 3, 3) array_like
+            Three corners of each, world coordinates, counterclockwise seen from outside. Float32
+            stays float32; all other numbers are taken as float64.
+        materials : int or (n,) array_like of int, optional
+            Indices that `material` returned. By default a plain `Material`.
+        group : int
+            The group that the objects belong to, as for `spheres`.
+
+        Raises
+        ------
+        SceneError
+            If shapes do not fit, a number is not finite, or a material does not exist.
+        SettingError
+            If `group` is beyond the next, or the writer is closed.
+        DiskFullError, StreamError
+            If the system refuses a write.
+        """
         v, n = rows_of("vertices", vertices, (3, 3))
         self.append(Kind.TRIANGLE, v.reshape(n, 9), materials, group=group)
 
@@ -245,7 +367,29 @@ class StoreWriter:
         *,
         group: int = 0,
     ) -> None:
-        """Add triangles with vertex normals for smooth shading, both (n, 3, 3)."""
+        """Add patches: triangles with a normal at each corner, for smooth shading.
+
+        Parameters
+        ----------
+        vertices : (n, 3, 3) array_like
+            Three corners of each, world coordinates, counterclockwise seen from outside.
+        normals : (n, 3, 3) array_like
+            The normal at each corner, of any length. Both stay float32 if both are; else both are
+            taken as float64.
+        materials : int or (n,) array_like of int, optional
+            Indices that `material` returned. By default a plain `Material`.
+        group : int
+            The group that the objects belong to, as for `spheres`.
+
+        Raises
+        ------
+        SceneError
+            If shapes do not fit, a number is not finite, or a material does not exist.
+        SettingError
+            If `group` is beyond the next, or the writer is closed.
+        DiskFullError, StreamError
+            If the system refuses a write.
+        """
         v, n = rows_of("vertices", vertices, (3, 3))
         normal, m = rows_of("normals", normals, (3, 3))
         if n != m:
@@ -261,9 +405,32 @@ class StoreWriter:
         *,
         group: int = 0,
     ) -> None:
-        """Add polygons: the vertices of all (m, 3), one after another, and counts (n,) >= 3.
+        """Add polygons, convex or concave.
 
-        A polygon of three vertices is stored as a triangle and numbered among those.
+        A polygon of three vertices is stored as a triangle and numbered among triangles. A polygon
+        is met in the plane that fits its vertices.
+
+        Parameters
+        ----------
+        vertices : (m, 3) array_like
+            The vertices of all polygons, one polygon after another, world coordinates,
+            counterclockwise seen from outside. Float32 stays float32; all other numbers are taken
+            as float64.
+        counts : (n,) array_like of int
+            Number of vertices of each polygon, 3 or more; they add up to m.
+        materials : int or (n,) array_like of int, optional
+            Indices that `material` returned. By default a plain `Material`.
+        group : int
+            The group that the objects belong to, as for `spheres`.
+
+        Raises
+        ------
+        SceneError
+            If shapes or counts do not fit, a number is not finite, or a material does not exist.
+        SettingError
+            If `group` is beyond the next, or the writer is closed.
+        DiskFullError, StreamError
+            If the system refuses a write.
         """
         given = floats_of("vertices", vertices), array_of("counts", counts)
         self.append_polygons(*given, materials, group=group)
@@ -276,7 +443,26 @@ class StoreWriter:
         *,
         group: int = 0,
     ) -> None:
-        """Add records (n, scalars) of one kind other than polygons, laid out as on disk."""
+        """Add records of one kind, laid out as on disk.
+
+        Parameters
+        ----------
+        kind : Kind
+            Any kind but polygons.
+        records : (n, scalars) float32 or float64
+            One object a row, `bfrt.records.SCALARS` numbers each: center and radius of a sphere;
+            base, radius there, apex and radius there of a cone; three corners of a triangle, and
+            three normals behind them for a patch. The array is copied.
+        materials : int or (n,) array_like of int, optional
+            Indices that `material` returned. By default a plain `Material`.
+        group : int
+            The group that the objects belong to, as for `spheres`.
+
+        Raises
+        ------
+        SceneError, SettingError, DiskFullError, StreamError
+            As for `spheres`.
+        """
         records = floats_of(kind.label, records)
         if records.ndim != 2 or records.shape[1] != SCALARS[kind] or kind == Kind.POLYGON:
             raise SceneError(
@@ -299,7 +485,24 @@ class StoreWriter:
         *,
         group: int = 0,
     ) -> None:
-        """Add polygons of vertices (m, 3) and counts (n,)."""
+        """Add polygons of vertices (m, 3) and counts (n,), as `polygons` does.
+
+        Parameters
+        ----------
+        vertices : (m, 3) ndarray
+            The vertices of all polygons, one polygon after another.
+        counts : (n,) ndarray of int
+            Number of vertices of each polygon, 3 or more; they add up to m.
+        materials : int or (n,) array_like of int, optional
+            Indices that `material` returned. By default a plain `Material`.
+        group : int
+            The group that the objects belong to, as for `spheres`.
+
+        Raises
+        ------
+        SceneError, SettingError, DiskFullError, StreamError
+            As for `polygons`.
+        """
         vertices = floats_of("polygon", vertices)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise SceneError(f"polygon: found vertices of shape {vertices.shape}, expected (m, 3)")
@@ -335,19 +538,31 @@ class StoreWriter:
         materials: NDArray[np.uint32],
         group: int = 0,
     ) -> Prepared:
-        """What `add` will write of a block, worked out: any thread may do it, in any order.
+        """Prepare a block for `add`: any thread may do it, in any order.
 
         Parameters
         ----------
+        kind : Kind
+            The kind of the objects.
         records : (n, scalars) float32 or float64
-            Of one kind, laid out as on disk; for polygons the vertices (m, 3). Nobody may change
-            them any more.
+            The objects, laid out as on disk; for polygons the vertices (m, 3). The writer keeps the
+            array, so that the caller must not change it later.
         counts : (n,) uint32
-            Vertices of each polygon, 4 or more; of no use for other kinds.
+            Number of vertices of each polygon, 4 or more; not used for other kinds.
         materials : (n,) uint32
-            Indices that `material` gave.
+            Indices that `material` returned.
         group : int
-            That they belong to.
+            The group that the objects belong to, as for `spheres`.
+
+        Returns
+        -------
+        Prepared
+            What `add` takes.
+
+        Raises
+        ------
+        SettingError
+            If `group` is beyond the next.
         """
         self._check_group(group)
         origin = self._origin_for(records)
@@ -359,12 +574,27 @@ class StoreWriter:
         return prepare(kind, data, counts, materials, origin, group)
 
     def add(self, block: Prepared) -> None:
-        """Write a prepared block: the next objects of its kind."""
+        """Write a prepared block: the next objects of its kind.
+
+        Parameters
+        ----------
+        block : Prepared
+            The result of `prepare`.
+
+        Raises
+        ------
+        SceneError
+            If a number is not finite.
+        SettingError
+            If the writer is closed.
+        DiskFullError, StreamError
+            If the system refuses a write.
+        """
         with self._writing():
             self._group(block.group).add(block)
 
     def _check_group(self, group: int) -> None:
-        """Groups are numbered as they come: each is an old one, or the next."""
+        """Refuse a group that is neither an old one nor the next: numbers have no gaps."""
         if isinstance(group, bool) or not 0 <= operator.index(group) <= len(self._groups):
             raise SettingError(
                 f"group: found {group!r}, expected 0 to {len(self._groups)}: the last is new"
@@ -373,7 +603,7 @@ class StoreWriter:
             raise SettingError(f"group: found {group}, expected fewer than {MOST_GROUPS}")
 
     def _group(self, number: int) -> GroupWriter:
-        """A group's writer; of a new one, made."""
+        """Return a group's writer, made if the group is new."""
         if number == len(self._groups):
             folder = self._aside / str(number)
             folder.mkdir()
@@ -381,7 +611,7 @@ class StoreWriter:
         return self._groups[number]
 
     def _origin_for(self, records: NDArray[Any]) -> Vector:
-        """The store's origin, which the first block decides."""
+        """Return the store's origin, which the first block decides."""
         if self._origin is None:
             self._origin = (0.0, 0.0, 0.0)
             if records.dtype != np.float32:
@@ -392,7 +622,7 @@ class StoreWriter:
         return self._origin
 
     def _is_wide(self, kind: Kind, dtype: np.dtype[Any], group: int) -> bool:
-        """Whether a stream is float64, which its first block decides where nobody else does."""
+        """Tell whether a stream is float64, which its first block decides unless `dtype` does."""
         if self._dtype is not None:
             return bool(self._dtype == np.float64)
         narrow = dtype == np.float32
@@ -424,7 +654,23 @@ class StoreWriter:
         return indices.astype(np.uint32, copy=False)
 
     def complete(self) -> Store:
-        """Complete the store and give it its name; returns it, opened."""
+        """Complete the store and give it its name.
+
+        Returns
+        -------
+        Store
+            The new store, opened.
+
+        Raises
+        ------
+        SceneError
+            If the scene is too small for its distance from the origin, or `expect` announced other
+            counts.
+        SettingError
+            If the writer is closed.
+        DiskFullError, StreamError
+            If the system refuses a write; nothing is left behind.
+        """
         self._check_open()
         try:
             self._put(HEADER, self._header())
@@ -491,7 +737,7 @@ class StoreWriter:
             log.warning("%s: the store that was replaced could not be removed: %s", old, error)
 
     def _step_back(self, old: Path, replaces: bool) -> None:
-        """Undo those renames that were done."""
+        """Undo the renames that were done."""
         renamed = not self._aside.exists() and self._target.exists()
         if renamed and old.exists() == replaces:
             self._target.rename(self._aside)
@@ -504,7 +750,7 @@ class StoreWriter:
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """What is written here is whole, or the store is given up."""
+        """Give the store up if the block does not end well."""
         self._check_open()
         try:
             yield
@@ -536,7 +782,7 @@ class StoreWriter:
 
 
 def _relative(kind: Kind, records: NDArray[Any], origin: Iterable[float]) -> NDArray[Any]:
-    """Positions less the origin: the columns of a record that are positions."""
+    """Subtract the origin from the columns of a record that are positions."""
     if not any(origin):
         return records
     shifted = records.astype(np.float64)

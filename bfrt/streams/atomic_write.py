@@ -68,7 +68,7 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def nameless(folder: Path, path: Path) -> io.FileIO:
-    """A file in a folder that, where the system can, never has a name that a crash could leave.
+    """Create a file in a folder, without a name that a crash could leave where the system can.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def nameless(folder: Path, path: Path) -> io.FileIO:
 
 
 def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str]) -> None:
-    """Write all of `data` to the unbuffered `file`, or raise what `refused` makes of the error."""
+    """Write all of `data` to the unbuffered `file`; raise `StreamError` if the system refuses."""
     left = memoryview(data).cast("B")
     try:
         while left:
@@ -103,7 +103,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def refused(path: str | os.PathLike[str], offset: int, error: OSError, doing: str) -> StreamError:
-    """The StreamError, or DiskFullError, for what the system said; a StreamError stays itself."""
+    """Return a `StreamError` or `DiskFullError` for a system error; a StreamError stays itself."""
     if isinstance(error, StreamError):
         return error
     number = error.errno or errno.EIO
@@ -112,7 +112,7 @@ def refused(path: str | os.PathLike[str], offset: int, error: OSError, doing: st
 
 
 def _create(target: Path) -> Path:
-    """A new empty file beside `target`, with the permissions that any new file gets."""
+    """Create an empty file beside `target`, with the permissions that any new file gets."""
     # 40 characters are at most 160 bytes, which leaves the name below every system's 255.
     temporary = target.with_name(f".{target.name[:40]}.{secrets.token_hex(8)}.tmp")
     try:

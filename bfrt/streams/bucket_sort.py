@@ -1,4 +1,4 @@
-"""Records of a spool parted by a number of theirs: a sort of more than memory holds."""
+"""Records of a spool, parted by a number in each: a sort of more than memory holds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Numbers = Callable[[Records], NDArray[np.int64]]
 def parted(
     records: Spool, numbers: Numbers, first: int, last: int, room: int, *, once: bool = False
 ) -> Iterator[Spool]:
-    """Spools of all records, one after another, of ascending ranges of their numbers.
+    """Yield all records in spools, one after another, by ascending ranges of their numbers.
 
     Each has `room` records at the most, unless they are of one number, or are parted `once` only.
     No more are in memory at once; a spool is empty when the next is asked for.
@@ -60,7 +60,7 @@ def parted(
 
 
 def gathered(records: Spool, room: int) -> NDArray[Any]:
-    """The next records of a spool: `room` at the most."""
+    """Return the next records of a spool, `room` at most."""
     found = []
     while len(records) and room:
         found.append(records.read(room))

@@ -11,7 +11,7 @@ from libc.stdint cimport int64_t
 
 
 cdef class Tape:
-    """An open file that several readers share, and what they have read of it."""
+    """Holds an open file that several readers share, and counts what they read."""
 
     cdef readonly object path
     cdef readonly int64_t size
@@ -54,7 +54,7 @@ cdef inline void want(Reader r, int64_t end) noexcept nogil:
 
 
 cdef inline const unsigned char* take(Reader r, size_t n) except NULL nogil:
-    """The next n bytes, which stay where they are until the next take."""
+    """Return the next n bytes, which stay in place until the next take."""
     cdef const unsigned char* p = r.at
     if <size_t>(r.end - p) >= n:
         r.at = p + n

@@ -53,7 +53,7 @@ cdef enum:
 
 @cython.final
 cdef class Tape:
-    """An open file for readers.
+    """Opens a file for readers.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ cdef class Tape:
             raise StreamError(self.path, 0, error.errno, "opening") from None
 
     cdef int opened(self) except -1:
-        """A descriptor of the file."""
+        """Open a descriptor of the file."""
         return os.open(self.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
 
     def __dealloc__(self):
@@ -90,7 +90,7 @@ cdef class Tape:
                 os.close(fd)
 
     def counts(self):
-        """Bytes read and seeks since the last call, as a pair."""
+        """Return the bytes read and the seeks since the last call, as a pair."""
         return atomic_exchange(&self.bytes_read, 0), atomic_exchange(&self.seeks, 0)
 
 
@@ -137,12 +137,12 @@ cdef class Reader:
         self.expect(asked)
 
     cpdef int expect(self, bint asked) except -1:
-        """Go on to what is asked for before it is read, or to what the system should read ahead.
+        """Choose how the file is read from here: by requests ahead, or in order by read-ahead.
 
         Raises
         ------
         ValueError
-            If the tape is none to be asked.
+            If the tape was not opened for requests.
         """
         if asked and self.tape.asked_fd < 0:
             raise ValueError(f"{self.tape.path}: found a tape that is only read in order")
@@ -175,7 +175,7 @@ cdef class Reader:
         return 0
 
     def read(self, size_t n):
-        """The next n bytes, as a copy."""
+        """Return the next n bytes, as a copy."""
         return take(self, n)[:n]
 
     cdef int jump(self, int64_t n) except -1 nogil:
@@ -202,7 +202,7 @@ cdef class Reader:
         return 0
 
     cdef void ask(self, int64_t begin, int64_t end) noexcept nogil:
-        """Have the system begin to read what will be wanted."""
+        """Have the system begin to read the bytes [begin, end)."""
         prefetch(self.fd, begin, end - begin)
 
     cdef const unsigned char* refill(self, size_t n) except NULL nogil:
@@ -234,7 +234,7 @@ cdef class Reader:
         return p
 
     cdef int read_more(self, size_t wanted) except -1 nogil:
-        """One read; returns how much of `wanted` came."""
+        """Read once; return how much of `wanted` came."""
         cdef ssize_t got
         while True:
             got = pread(self.fd, <void*><uintptr_t>self.end, wanted, self.position)

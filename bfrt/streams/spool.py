@@ -19,7 +19,7 @@ Records = NDArray[Any]
 
 
 class Spool:
-    """A first-in first-out queue of records.
+    """Queues records, first in first out.
 
     Parameters
     ----------
@@ -56,13 +56,13 @@ class Spool:
         self._taken = 0
 
     def beside(self) -> Spool:
-        """An empty one of the same records, all on disk; what it counts, this one counts."""
+        """Return an empty spool of the same records, all on disk, whose traffic this one counts."""
         other = Spool(self.dtype, 0, self._scratch)
         other._counts = self._counts
         return other
 
     def __len__(self) -> int:
-        """Records that wait."""
+        """Return the number of records that wait."""
         return self._appended - self._taken
 
     def append(self, records: Records) -> None:
@@ -78,7 +78,7 @@ class Spool:
             self._appended += len(records)
 
     def read(self, most: int) -> Records:
-        """Up to `most` records, oldest first: a view of memory, or an array of its own."""
+        """Return up to `most` records, oldest first: a view of memory, or a new array."""
         first = self._taken
         inside = len(self._memory) - first
         n = min(most, len(self), inside if inside > 0 else most)
@@ -88,7 +88,7 @@ class Spool:
         return self._read(first - len(self._memory), n)
 
     def counts(self) -> tuple[int, int, int]:
-        """Bytes read, bytes written and seeks on disk since the last call."""
+        """Return the bytes read, bytes written and seeks on disk since the last call."""
         read, written, seeks = self._counts
         self._counts[:] = 0, 0, 0
         return read, written, seeks

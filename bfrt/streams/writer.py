@@ -37,13 +37,13 @@ SYNCERS = ThreadPoolExecutor(2, "bfrt-sync")
 
 
 def view_of(data: Data) -> memoryview:
-    """The bytes of `data`, uncopied."""
+    """Return the bytes of `data`, uncopied."""
     view = data.data if isinstance(data, np.ndarray) else memoryview(data)
     return view.cast("B") if view.nbytes else memoryview(b"")
 
 
 def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) -> int:
-    """Write all of `data` to `fd`, however many calls it takes; returns the bytes.
+    """Write all of `data` to `fd`, however many calls it takes; return the bytes.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def write_all(fd: int, data: Data, path: str | os.PathLike[str], offset: int) ->
 
 
 class FileWriter:
-    """A new file, with its length and CRC-32; `durable` ones are fsynced at the end.
+    """Writes a new file, with its length and CRC-32; a `durable` one is fsynced at the end.
 
     What the system refuses is raised by a later `write`, or by `close`.
     """
@@ -83,7 +83,7 @@ class FileWriter:
             raise refused(path, 0, error, "creating") from error
 
     def write(self, data: Data, *, kept: bool = False) -> None:
-        """Append `data` (C-contiguous); of what is `kept` as it is no copy is made."""
+        """Append `data` (C-contiguous); without a copy if the caller has `kept` it unchanged."""
         if self._fd < 0:
             raise refused(self.path, self.bytes, OSError(errno.EBADF, ""), "writing")
         view = view_of(data)
@@ -143,7 +143,7 @@ class FileWriter:
             self.abandon()
 
     def abandon(self) -> None:
-        """Close without a promise, when nobody writes any more."""
+        """Close an unfinished file, once no thread writes to it."""
         for busy in (self._pending, self._syncing):
             if busy is not None:
                 busy.exception()
