@@ -14,8 +14,8 @@ and leaves z to the end; ours is in float64, exact at 0, and shears z to t. So a
 a vertex have it in one place, all that share an edge have the ray on one side of it, and whatever
 their planes are no ray passes between them.
 
-A ray that meets an edge or a corner exactly is counted by one face only (``edge_crossed``): as if it
-passed a hair beside it, beyond the edge in x, and by less in y. Only exact signs make that hold.
+A ray that meets an edge or a corner exactly is counted by one face only (``edge_crossed``): as if
+it passed a hair beside it, beyond the edge in x, and by less in y. Only exact signs make that hold.
 """
 
 from libc.math cimport fabs, fma

@@ -6,7 +6,9 @@ from bfrt.geometry.box cimport Box, Span
 from bfrt.geometry.cone cimport Cone, cone_bounds, cone_crossings, cone_hit, cone_load, cone_normal
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.patch cimport Patch, patch_load, patch_normal
-from bfrt.geometry.polygon cimport Polygon, polygon_bounds, polygon_crossed, polygon_hit, polygon_load
+from bfrt.geometry.polygon cimport (
+    Polygon, polygon_bounds, polygon_crossed, polygon_hit, polygon_load,
+)
 from bfrt.geometry.sphere cimport (
     Sphere, sphere_bounds, sphere_crossings, sphere_hit, sphere_load, sphere_normal,
 )

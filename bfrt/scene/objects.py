@@ -87,7 +87,8 @@ class Objects:
             sweeps[worker].picks(ranges[first:last])
             loop(worker, sweeps[worker], first, last)
 
-        self._begin(stream, asked=True)
+        # Where everything is read in a pass, files are open for that way only.
+        self._begin(stream, asked=self.lazy)
         self._workers.run(chunk, len(ranges), largest=together)
 
     def chosen(self, stream: Stream, choose: Choose, loop: ChosenLoop) -> int:

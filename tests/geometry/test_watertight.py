@@ -50,7 +50,7 @@ def prism(rng):
     reach = np.where(np.arange(40) % 4 < 2, 1.0, 0.7)[:, None]
     outline = reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     low = np.column_stack([outline, np.full(40, -0.3)])
-    corners = np.concatenate([low, low + [0, 0, 0.6]])
+    corners = np.concatenate([low, low + np.array([0, 0, 0.6])])
     i = np.arange(40)
     j = (i + 1) % 40
     sides = np.stack([i, j, j + 40, i + 40], axis=1)
@@ -79,9 +79,13 @@ def aimed(rng, corners, faces, n):
     """From inside: at edges, at corners, from the middle itself, and anywhere."""
     middle = corners.mean(axis=0)
     size = np.linalg.norm(corners - middle, axis=1).max()
-    edges = np.array([[a, b] for face in faces for a, b in zip(face, np.roll(face, 1), strict=True)])
+    edges = np.array(
+        [[a, b] for face in faces for a, b in zip(face, np.roll(face, 1), strict=True)]
+    )
     a, b = corners[edges[rng.integers(len(edges), size=n)]].swapaxes(0, 1)
-    weight = np.where(rng.random((n, 1)) < 0.5, rng.random((n, 1)), rng.choice([0, 0.5, 1.0], (n, 1)))
+    weight = np.where(
+        rng.random((n, 1)) < 0.5, rng.random((n, 1)), rng.choice([0, 0.5, 1.0], (n, 1))
+    )
     origins = middle + 0.1 * size * rng.uniform(-1, 1, (n, 3))
     origins[::3] = middle
     directions = a + weight * (b - a) - origins
@@ -144,7 +148,7 @@ def test_neighbours_wound_either_way_share_a_crossing(tmp_path):
     """A wall of two triangles, of which one is turned round: the edge between belongs to one."""
     wall = np.array([[[0, 0, 0], [2, 0, 0], [2, 2, 0]], [[0, 0, 0], [2, 2, 0], [0, 2, 0]]], float)
     at = np.linspace(0.1, 1.9, 500)[:, None] * [1.0, 1.0, 0.0]
-    origins = at + [0.3, -0.2, 1.0]
+    origins = at + np.array([0.3, -0.2, 1.0])
     for flip in (slice(None), slice(None, None, -1)):
         wall[1] = wall[1][flip]
         with bfrt.SceneWriter(tmp_path / "wall.bfrt") as writer:

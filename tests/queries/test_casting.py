@@ -213,7 +213,9 @@ def test_a_direction_has_any_length(tmp_path, planned, power):
     scene, origins, directions = make(tmp_path, NAMES[0])
     directions = directions[np.isfinite(origins).all(axis=1)]
     origins = origins[np.isfinite(origins).all(axis=1)]
-    directions = directions.astype(np.float32).astype(float)  # few digits: no power of two costs one
+    directions = directions.astype(np.float32).astype(
+        float
+    )  # few digits: no power of two costs one
     expected = scene.cast_rays(origins, directions)
     with np.errstate(over="ignore", under="ignore"):
         scaled = np.ldexp(directions, power)
@@ -228,7 +230,7 @@ def test_a_direction_has_any_length(tmp_path, planned, power):
         np.testing.assert_array_equal(answer[key][same], expected[key][exact][same])
     assert (answer["primitive_ids"][~same] == -1).all()
     every = scene.list_intersections(origins[exact], scaled[exact])
-    ray, t, ids = exhaustive.crossings(
+    _, t, ids = exhaustive.crossings(
         scene, origins[exact] - np.array(scene.origin), scaled[exact]
     )
     np.testing.assert_array_equal(every["t_hit"], t)
