@@ -28,7 +28,16 @@ from bfrt.errors import Cancelled, SettingError
 from bfrt.phases.crossings import Crossings
 from bfrt.phases.picking import by_object, each_hit
 from bfrt.queries._rays import surfaces
-from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
+from bfrt.queries.answers import (
+    Columns,
+    Fields,
+    Out,
+    check_folder,
+    check_out,
+    ordered,
+    rows,
+    split_ends,
+)
 from bfrt.queries.rays import AskedRays, Given, rays_of
 from bfrt.records import ASKED, HIT, INDEX_BITS, NO_HIT, QUEUED_BYTES, RayKind
 from bfrt.rendering import REFINEMENTS, plan_of, reporting, scratch_folder
@@ -291,7 +300,10 @@ def list_intersections(
 
 def _folder_of(out: Out | None) -> Out | None:
     """A folder, where that is what answers go to: how many hits there are is not known before."""
-    if out is None or isinstance(out, (str, os.PathLike)):
+    if out is None:
+        return None
+    if isinstance(out, (str, os.PathLike)):
+        check_folder(Path(os.fsdecode(out)))
         return out
     raise SettingError("out: found arrays, expected a folder: how many hits there are is not known")
 
