@@ -150,8 +150,8 @@ class Painter:
         return found
 
     def _by_color(self, values: NDArray[Any]) -> NDArray[np.uint32]:
-        good = ((values >= 0.0) & (values <= 1.0 + ROUNDED)).all(axis=-1)
-        self.strange += len(good) - int(np.count_nonzero(good))
+        good = np.logical_and(values >= 0.0, values <= 1.0 + ROUNDED).all(axis=-1)
+        self.strange += len(values) - int(np.count_nonzero(good))
         most = np.array([31, 63, 31])
         parts = np.rint(np.clip(np.nan_to_num(values), 0.0, 1.0) * most).astype(np.int64)
         packed = parts @ np.array([1 << 11, 1 << 5, 1])

@@ -33,7 +33,8 @@ cdef inline Bounds bounds_of(const double[:, ::1] corners) noexcept nogil:
 cdef inline int scale_extreme(Vec* d) noexcept nogil:
     """Divide an extreme direction by a power of two; returns the power, 0 for none.
 
-    Its largest part becomes 1 or more: dividing by it overflows no distance that is a number. t counts in lengths of the direction: it is multiplied by what this has been divided by.
+    Its largest part becomes 1 or more, so that what is divided by it does not overflow. t counts in
+    lengths of the direction: it is multiplied by what this has been divided by.
     """
     cdef int power
     cdef double size = largest(d[0])
