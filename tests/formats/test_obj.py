@@ -139,7 +139,8 @@ def test_comments_blanks_and_lines_that_go_on(file, end, size, monkeypatch, capl
 def test_words_that_a_backslash_follows(file, end, of, caplog):
     (file.parent / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
     text = (
-        "mtllib\\\n a.mtl\nv\\\n0 0 0\nv\\\n 1 0 0\nvn\\\n0 0 1\ng\\\n x\n\\\nv 0 1 0\nv 5 5 5\\\n\n"
+        "mtllib\\\n a.mtl\nv\\\n0 0 0\nv\\\n 1 0 0\nvn\\\n0 0 1\ng\\\n x\n"
+        "\\\nv 0 1 0\nv 5 5 5\\\n\n"
         f"usemtl\\\na\nf{of}\\\n1 2 3\n\\\n f 1 2 \\\n\\\n4\n\\\n# f 1 2\n"
     )
     file.write_bytes(text.replace("\n", end).encode())
