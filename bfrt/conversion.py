@@ -25,7 +25,7 @@ from bfrt.formats.obj import read_obj
 from bfrt.formats.object_writer import SceneSink
 from bfrt.formats.ply import read_ply
 from bfrt.formats.reading import RGB, Reading, Uses
-from bfrt.formats.room import room_for
+from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.stl import read_stl
 from bfrt.memory import default_memory, parse_memory
 from bfrt.records import Kind
@@ -189,10 +189,9 @@ def convert(
     if scenes[0] is not None:
         hierarchy = hierarchy or scenes[0].hierarchy
     sizes = [None if spd is None else spd.store_bytes for spd in scenes]
-    rooms = [
-        room_for(name, budget, size, colored=color_by == RGB)
-        for name, size in zip(names, sizes, strict=True)
-    ]
+    sized = zip(names, sizes, strict=True)
+    needs = [need_of(name, size, colored=color_by == RGB) for name, size in sized]
+    rooms = rooms_for(needs, budget)
     plain = all(reader in (None, read_nff_as_is) for reader in readers)
     with SceneWriter(
         target,

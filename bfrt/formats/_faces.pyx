@@ -86,7 +86,7 @@ def bent(const number[:, ::1] corners, const uint32_t[::1] counts, double part, 
     Returns
     -------
     (n,) bool
-        A face without a plane counts as flat.
+        A line counts as flat; a face that crosses itself so that it has no plane does not.
     """
     cdef Py_ssize_t face, first = 0
     cdef uint8_t[::1] out
@@ -108,9 +108,14 @@ cdef inline bint is_level(const number[:, ::1] corners, Py_ssize_t first,
     """
     cdef Vec a = at(corners, first)
     cdef Vec b = at(corners, first + 1)
-    cdef Vec n = cross(sub(at(corners, first + 2), a), sub(at(corners, first + 3), b))
+    cdef Vec ac = sub(at(corners, first + 2), a)
+    cdef Vec bd = sub(at(corners, first + 3), b)
+    cdef Vec n = cross(ac, bd)
     cdef double coordinates = fabs(n.x * a.x) + fabs(n.y * a.y) + fabs(n.z * a.z)
-    return fabs(dot(sub(b, a), n)) <= 2.0 * rounding * coordinates
+    return (
+        largest(n) > ROUNDED * largest(ac) * largest(bd)
+        and fabs(dot(sub(b, a), n)) <= 2.0 * rounding * coordinates
+    )
 
 
 cdef inline bint is_bent(const number[:, ::1] corners, Py_ssize_t first, uint32_t count,
@@ -123,7 +128,7 @@ cdef inline bint is_bent(const number[:, ::1] corners, Py_ssize_t first, uint32_
     cdef double off = 0.0, far = 0.0, coordinates = 0.0
     cdef uint32_t i
     if not has_plane(&f):
-        return False
+        return not is_line(&f)
     for i in range(count):
         middle = add(middle, sub(at(corners, first + i), origin))
     middle = add(origin, scale(middle, 1.0 / count))

@@ -51,6 +51,11 @@ cdef inline bint is_end(unsigned char byte) noexcept nogil:
     return byte == NEWLINE or byte == RETURN
 
 
+cdef inline bint ends_word(const unsigned char *at) noexcept nogil:
+    """Whether a blank is here, or a backslash behind which the line goes on."""
+    return is_blank(at[0]) or (at[0] == BACKSLASH and is_end(at[1]))
+
+
 @cython.final
 cdef class Lines(Tokens):
     """Take lines apart.
@@ -176,15 +181,19 @@ cdef class Lines(Tokens):
 
     cdef int read_statement(self) except -1 nogil:
         cdef unsigned char *at = self.text.at
-        if at[0] == b"v" and is_blank(at[1]):
+        if at[0] == BACKSLASH:  # behind which the line may go on
+            if not self.in_line():
+                return 0
+            at = self.text.at
+        if at[0] == b"v" and ends_word(at + 1):
             self.text.at += 1
             return self.read_vertex()
-        if at[0] == b"f" and (is_blank(at[1]) or (at[1] == b"o" and is_blank(at[2]))):
-            self.text.at += 1 if is_blank(at[1]) else 2
+        if at[0] == b"f" and (ends_word(at + 1) or (at[1] == b"o" and ends_word(at + 2))):
+            self.text.at += 2 if at[1] == b"o" else 1
             if self.of_faces:
                 return self.read_face()
             self.faces += 1
-        elif at[0] == b"v" and (at[1] == b"n" or at[1] == b"t") and is_blank(at[2]):
+        elif at[0] == b"v" and (at[1] == b"n" or at[1] == b"t") and ends_word(at + 2):
             self.passed += 1
         elif self.of_faces:
             self.keep_material()
@@ -283,11 +292,17 @@ cdef class Lines(Tokens):
         consume(&self.text)
         return True
 
+    cdef void measure_word(self) noexcept nogil:
+        """Find where the statement's word ends, behind which a backslash may be."""
+        measure(&self.text)
+        if self.goes_on():
+            self.text.length -= 1
+
     cdef int keep_material(self) except -1 nogil:
         """Keep a statement about materials: usemtl or mtllib."""
         if self.text.at[0] != b"u" and self.text.at[0] != b"m":
             return 0
-        measure(&self.text)
+        self.measure_word()
         if self.is_word(b"usemtl") or self.is_word(b"mtllib"):
             with gil:
                 self._keep()
@@ -297,7 +312,7 @@ cdef class Lines(Tokens):
         """Count a statement that is known, or unknown; one with a NUL in its line is binary."""
         cdef int i
         cdef unsigned char *begin = self.text.at
-        measure(&self.text)
+        self.measure_word()
         for i in range(20):
             if self.is_word(PASSED[i]):
                 self.passed += 1

@@ -26,6 +26,9 @@ FULL_8, FULL_16 = 255.0, 65535.0
 #: Colors of a map.
 STEPS = 256
 
+#: How far beyond full a color of floats may be rounded.
+ROUNDED = 1e-6
+
 #: What has no number is painted with.
 NO_VALUE = (0.5, 0.5, 0.5)
 
@@ -105,12 +108,18 @@ class Painter:
     reading : Reading
     values : iterable of ndarray
         All numbers, block by block, to find their range; not looked at where it is given.
+
+    Attributes
+    ----------
+    strange : int
+        Colors painted so far that are not from 0 to 1: the nearest are taken, 0 for NaN.
     """
 
     def __init__(
         self, sink: Materials, reading: Reading, values: Iterable[NDArray[Any]], name: str
     ) -> None:
         self._sink = sink
+        self.strange = 0
         self._own_colors = reading.color_by == RGB
         if self._own_colors:
             if reading.colormap is not None or reading.color_range is not None:
@@ -141,6 +150,8 @@ class Painter:
         return found
 
     def _by_color(self, values: NDArray[Any]) -> NDArray[np.uint32]:
+        good = np.logical_and(values >= 0.0, values <= 1.0 + ROUNDED).all(axis=-1)
+        self.strange += len(values) - int(np.count_nonzero(good))
         most = np.array([31, 63, 31])
         parts = np.rint(np.clip(np.nan_to_num(values), 0.0, 1.0) * most).astype(np.int64)
         packed = parts @ np.array([1 << 11, 1 << 5, 1])

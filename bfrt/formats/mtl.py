@@ -64,6 +64,8 @@ def read_mtl(path: Path) -> dict[bytes, Material]:
             known[key] = Statement(number, [key, *rest], numbers_of(key, rest))
     if name is not None:
         found[name] = library.material(known)
+    elif text.strip():
+        log.warning("%s: found no newmtl, expected materials that begin with it", path)
     return found
 
 

@@ -88,7 +88,7 @@ class Outlet:
     Attributes
     ----------
     dropped : int
-        Objects that were not finite.
+        Objects that were not finite, too large for float32, or of too few corners.
     """
 
     def __init__(self, sink: SceneSink, name: str, reading: Reading) -> None:
@@ -225,7 +225,13 @@ class Outlet:
     def report(self) -> None:
         """Log how many objects were dropped, and how faces were cut."""
         if self.dropped:
-            log.warning("%s: %d objects that are not finite were dropped", self.name, self.dropped)
+            log.warning("%s: %d invalid objects were dropped", self.name, self.dropped)
+        if self._painter is not None and self._painter.strange:
+            log.warning(
+                "%s: %d colors are not from 0 to 1: the nearest that are were taken",
+                self.name,
+                self._painter.strange,
+            )
         self._triangulation.report()
 
 

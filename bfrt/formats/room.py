@@ -66,36 +66,58 @@ FORMATS = {
 }
 
 
-def room_for(name: str, memory: int, size: int | None = None, *, colored: bool = False) -> int:
-    """Return the bytes of a budget that a file's conversion leaves free.
+class Need(NamedTuple):
+    """Tells what the conversion of a file takes.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file, or of the scene that is converted.
+    blocks : int
+        Bytes, beside the room.
+    least : int
+        Bytes of the least budget that works.
+    """
+
+    name: str
+    blocks: int
+    least: int
+
+
+def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Need:
+    """Work out what a file's conversion takes.
 
     Parameters
     ----------
     name : str
         Name of the file, or of the scene that is converted.
-    memory : int
-        Bytes that the whole process may take.
     size : int, optional
         Bytes that are converted, where they are no file's.
     colored : bool
         Whether the file's own colors are taken.
-
-    Raises
-    ------
-    BudgetError
-        If that is less than the least that works, which the message names.
     """
     taken = FORMATS.get(Path(name).suffix.lower(), OBJECTS)
     full = math.inf if taken.packed else size_of(name) if size is None else size
     most = taken.blocks + (COLORS if colored else 0)
     blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
-    least = blocks + int(min(taken.fewest, VERTICES * full))
-    if memory < least:
+    return Need(name, blocks, blocks + int(min(taken.fewest, VERTICES * full)))
+
+
+def rooms_for(needs: list[Need], memory: int) -> list[int]:
+    """The bytes that each file's conversion leaves of a budget, for they come one after the other.
+
+    Raises
+    ------
+    BudgetError
+        If the budget is less than the least that works for all, which the message names.
+    """
+    most = max(needs, key=lambda need: need.least)
+    if memory < most.least:
         raise BudgetError(
-            f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more to convert "
-            f"{name}"
+            f"memory: found {memory >> 20}MiB, expected {format_memory(most.least)} or more to "
+            f"convert {most.name}"
         )
-    return memory - blocks
+    return [memory - need.blocks for need in needs]
 
 
 def size_of(name: str) -> float:

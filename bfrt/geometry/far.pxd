@@ -33,13 +33,15 @@ cdef inline Bounds bounds_of(const double[:, ::1] corners) noexcept nogil:
 cdef inline int scale_extreme(Vec* d) noexcept nogil:
     """Divide an extreme direction by a power of two; return the power, 0 for none.
 
-    t counts in lengths of the direction: it is multiplied by what this has been divided by.
+    Its largest part becomes 1 or more, so that what is divided by it does not overflow. t counts in
+    lengths of the direction: it is multiplied by what this has been divided by.
     """
     cdef int power
     cdef double size = largest(d[0])
     if not (size > 0.0 and isfinite(size)):
         return 0
     frexp(size, &power)
+    power -= 1
     if -EXTREME <= power <= EXTREME:
         return 0
     d.x, d.y, d.z = ldexp(d.x, -power), ldexp(d.y, -power), ldexp(d.z, -power)
@@ -76,6 +78,12 @@ cdef inline double until_beside(const Line* l, const Bounds* b) noexcept nogil:
     return ((b.lo[k] + 0.5 * (b.hi[k] - b.lo[k])) - (&l.o.x)[k]) / (&l.d.x)[k]
 
 
+cdef inline double before_bounds(const Line* l, const Bounds* b) noexcept nogil:
+    """The t at which the line is two diagonals before the middle of the bounds: before all of
+    them, which are no farther than 0.87 diagonals along the steepest axis."""
+    return until_beside(l, b) - 2.0 * b.diagonal / length(l.d)
+
+
 cdef inline double advance_far(Line* l, const Bounds* b) noexcept nogil:
     """Move a far origin along its ray to two diagonals before the bounds; return the t of that.
 
@@ -95,6 +103,6 @@ cdef inline double advance_far(Line* l, const Bounds* b) noexcept nogil:
         moved += t
     if is_far(l.o, b):
         return moved
-    t = until_beside(l, b) - 2.0 * b.diagonal / length(l.d)
+    t = before_bounds(l, b)
     l.o = fused_along(l.o, t, l.d)
     return moved + t

@@ -3,9 +3,11 @@
 from libc.math cimport INFINITY, isfinite, isnan, ldexp, nextafter
 from libc.stdint cimport int64_t, uint64_t
 
-from bfrt.geometry.far cimport Bounds, advance_far, bounds_of, scale_extreme
+from bfrt.geometry.far cimport (
+    Bounds, advance_far, before_bounds, bounds_of, fused_along, scale_extreme,
+)
 from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
-from bfrt.geometry.vector cimport Line, Vec, along, line, smaller, vec
+from bfrt.geometry.vector cimport Line, Vec, line, smaller, vec
 from bfrt.phases.nearest cimport ray_bad
 from bfrt.records cimport NO_HIT, QueryRay, Ray
 from bfrt.scan.geometry cimport GeometryCursor, pick_record
@@ -34,6 +36,12 @@ cdef inline double scaled_end(double t_max, int power) noexcept nogil:
     """
     cdef double t = ldexp(t_max, power)
     return smaller(t, ldexp(1.0, BEYOND + power)) if power < 0 else t
+
+
+cdef inline double begin_of(const Line* l, const Bounds* b, double t_min) noexcept nogil:
+    """Where a ray begins: at t_min, or where it comes to the scene, if that is long before."""
+    cdef double t = before_bounds(l, b) if t_min < 0.0 else t_min
+    return t if t > t_min and isfinite(t) else t_min
 
 
 def ask(const double[:, ::1] origins, const double[:, ::1] directions, const double[::1] t_min,
@@ -83,8 +91,8 @@ def ask(const double[:, ::1] origins, const double[:, ::1] directions, const dou
             a.power = power
             l = line(vec(origins[i, 0] - x, origins[i, 1] - y, origins[i, 2] - z), d)
             if t_min[i] != 0.0:
-                a.moved = ldexp(t_min[i], power)
-                l.o = along(l.o, l.d, a.moved)
+                a.moved = begin_of(&l, &b, ldexp(t_min[i], power))
+                l.o = fused_along(l.o, a.moved, l.d)
             r.ox, r.oy, r.oz = l.o.x, l.o.y, l.o.z
             r.dx, r.dy, r.dz = l.d.x, l.d.y, l.d.z
             if ray_bad(&r) or isnan(t_max[i]):

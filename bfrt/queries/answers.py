@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
 from bfrt.records import plain
+from bfrt.store.store import HEADER
 from bfrt.streams.atomic_write import aside, refused
 from bfrt.streams.bucket_sort import gathered, parted
 from bfrt.streams.spool import Spool
@@ -78,17 +79,45 @@ Fields = Mapping[str, tuple[Any, tuple[int, ...]]]
 
 
 def check_out(fields: Fields, count: int | None, out: Out | None) -> None:
-    """Refuse arrays that an answer of `count` rows, where that is known, does not fit.
+    """Refuse what an answer of `count` rows, where that is known, cannot be put into.
 
     Raises
     ------
     SettingError
-        If there are some.
+        For arrays of another shape or dtype, arrays that are read-only, and for a folder that is a
+        file, or a store or a part of one.
     """
-    for key, array in out.items() if isinstance(out, Mapping) else ():
+    if isinstance(out, (str, os.PathLike)):
+        check_folder(Path(os.fsdecode(out)))
+    elif isinstance(out, Mapping):
+        _check_arrays(fields, count, out)
+    elif out is not None:
+        raise SettingError(f"out: found {type(out).__name__}, expected arrays by key or a folder")
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder for answers that is a file, or a store or in one.
+
+    Raises
+    ------
+    SettingError
+        If it is.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise SettingError(f"out: found the file {folder}, expected a folder")
+    for each in (folder, *folder.absolute().parents):
+        if (each / HEADER).exists():
+            raise SettingError(f"out: found {folder}, which is in a store, expected another folder")
+
+
+def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[Any]]) -> None:
+    for key, array in out.items():
         if key not in fields:
             raise SettingError(f"out: found {key!r}, expected some of {', '.join(fields)}")
         dtype, shape = fields[key]
+        if not isinstance(array, np.ndarray) or not array.flags.writeable:
+            kind = "read-only" if isinstance(array, np.ndarray) else type(array).__name__
+            raise SettingError(f"out: found {key} that is {kind}, expected an array to fill")
         expected = (len(array) if count is None else count, *shape)
         if array.shape != expected or array.dtype != np.dtype(dtype):
             raise SettingError(
@@ -112,7 +141,7 @@ class Columns:
     def __init__(self, fields: Fields, count: int, out: Out | None) -> None:
         check_out(fields, count, out)
         self._shapes = {key: ((count, *shape), dtype) for key, (dtype, shape) in fields.items()}
-        self._folder = Path(out) if isinstance(out, (str, os.PathLike)) else None
+        self._folder = Path(os.fsdecode(out)) if isinstance(out, (str, os.PathLike)) else None
         self._files: dict[str, BinaryIO] = {}
         self._stack = ExitStack()
         self._done = 0

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing
 from itertools import chain
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +30,16 @@ from bfrt.phases.all_hits import Crossings
 from bfrt.phases.hit_order import by_object, hits_of, picked
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries._rays import surfaces
-from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, rows, split_ends
+from bfrt.queries.answers import (
+    Columns,
+    Fields,
+    Out,
+    check_folder,
+    check_out,
+    ordered,
+    rows,
+    split_ends,
+)
 from bfrt.queries.rays import AskedRays, Block, Given, rays_of
 from bfrt.records import HIT, NO_HIT, QUERY_RAY, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
@@ -275,7 +285,10 @@ def fitting(plan: Capacities, rays: int | None) -> Capacities:
 
 def _folder_of(out: Out | None) -> Out | None:
     """Return the folder for an answer; refuse arrays, since the number of hits is not yet known."""
-    if out is None or isinstance(out, (str, os.PathLike)):
+    if out is None:
+        return None
+    if isinstance(out, (str, os.PathLike)):
+        check_folder(Path(os.fsdecode(out)))
         return out
     raise SettingError("out: found arrays, expected a folder: how many hits there are is not known")
 

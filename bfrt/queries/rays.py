@@ -106,7 +106,10 @@ class Held:
 
     def __init__(self, name: str, given: ArrayLike) -> None:
         self.name = name
-        self._array = np.asarray(given)
+        try:
+            self._array = np.asarray(given)
+        except ValueError:
+            raise SettingError(f"{name}: found rows of several lengths, expected (n, 3)") from None
         self.shape, self.dtype = self._array.shape, self._array.dtype
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:

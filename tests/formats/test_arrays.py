@@ -130,7 +130,7 @@ def test_what_is_not_finite_is_refused_or_dropped(tmp_path, caplog):
     np.save(path, some)
     assert "point 3: found 9 nan 11" in refused(path, radius=1)
     assert convert(path, radius=1, skip_invalid=True).objects == 9
-    assert "1 objects that are not finite were dropped" in caplog.text
+    assert "1 invalid objects were dropped" in caplog.text
 
 
 def test_hdf5(tmp_path):

@@ -547,7 +547,7 @@ def test_points_that_are_not_finite(file, bad, small_blocks, caplog):
     assert failure(file, radius=1).startswith("point 7: found ")
     store = convert(file, radius=1, skip_invalid=True)
     assert shapes_of(store) == spheres(np.delete(rows, [7, 8], axis=0), 1)
-    assert caplog.messages == [f"{file}: 2 objects that are not finite were dropped"]
+    assert caplog.messages == [f"{file}: 2 invalid objects were dropped"]
 
 
 # --- broken files --------------------------------------------------------------------------------

@@ -196,7 +196,7 @@ def test_points_that_are_not_finite(file, bad, caplog):
     file.write_bytes(data)
     assert failure(file, radius=1).startswith("point 0: found ")
     assert convert(file, radius=1, skip_invalid=True).objects == 0
-    assert f"{COUNT} objects that are not finite were dropped" in caplog.text
+    assert f"{COUNT} invalid objects were dropped" in caplog.text
 
 
 def test_radii_that_are_not_finite(file, small_blocks):

@@ -366,7 +366,7 @@ def test_convert_points(cloud, tmp_path):
     colors = ["--color-by", "heat", "--color-range", "1", "3", "--colormap", "gray"]
     how = ["-o", out, "--skip-invalid", "--radius"]
     status, _, said = run("convert", cloud, *how, "0.5", *colors)
-    assert (status, said) == (0, f"bfrt: {cloud}: 1 objects that are not finite were dropped\n")
+    assert (status, said) == (0, f"bfrt: {cloud}: 1 invalid objects were dropped\n")
     first, last = objects_of(open_store(out))
     assert (first.shape, last.shape) == (((0, 0, 0, 0.5),), ((2, 0, 0, 0.5),))
     assert (first.color, last.color) == ((0, 0, 0), (1, 1, 1))

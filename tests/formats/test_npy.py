@@ -443,7 +443,7 @@ def test_points_that_are_not_finite(npy, bad, column, small_blocks, caplog):
     assert said.startswith("point 7: found ") and said.endswith(", expected finite numbers")
     good = np.delete(rows, [7, 15], axis=0)
     assert shapes_of(convert(npy, skip_invalid=True)) == spheres(good[:, :3], good[:, 3])
-    assert caplog.messages == [f"{npy}: 2 objects that are not finite were dropped"]
+    assert caplog.messages == [f"{npy}: 2 invalid objects were dropped"]
 
 
 def test_triangles_that_are_not_finite(npy, small_blocks, caplog):
@@ -452,13 +452,13 @@ def test_triangles_that_are_not_finite(npy, small_blocks, caplog):
     np.save(npy, rows)
     assert failure(npy).startswith("triangle 4: found ")
     assert convert(npy, skip_invalid=True).objects == 8
-    assert "1 objects that are not finite were dropped" in caplog.text
+    assert "1 invalid objects were dropped" in caplog.text
 
 
 def test_all_are_dropped(npy, caplog):
     np.save(npy, np.full((5, 3), np.nan))
     assert convert(npy, skip_invalid=True, radius=1).objects == 0
-    assert "5 objects" in caplog.text
+    assert "5 invalid objects" in caplog.text
 
 
 def test_too_large_for_boxes(npy):

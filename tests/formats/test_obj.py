@@ -135,6 +135,23 @@ def test_comments_blanks_and_lines_that_go_on(file, end, size, monkeypatch, capl
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("of", ["", "o"])
+def test_words_that_a_backslash_follows(file, end, of, caplog):
+    (file.parent / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    text = (
+        "mtllib\\\n a.mtl\nv\\\n0 0 0\nv\\\n 1 0 0\nvn\\\n0 0 1\ng\\\n x\n"
+        "\\\nv 0 1 0\nv 5 5 5\\\n\n"
+        f"usemtl\\\na\nf{of}\\\n1 2 3\n\\\n f 1 2 \\\n\\\n4\n\\\n# f 1 2\n"
+    )
+    file.write_bytes(text.replace("\n", end).encode())
+    store = convert(file)
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]]
+    assert shapes_of(store) == expected(vertices, [[0, 1, 2], [0, 1, 3]])
+    assert [each.color for each in objects_of(store)] == [(1, 0, 0)] * 2
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_lines_are_counted_whatever_ends_them(file, end, monkeypatch):
     file.write_bytes((DRESSED + "\n\nf 1 2 x\n").replace("\n", end).encode())
     number = DRESSED.count("\n") + 3
@@ -347,6 +364,17 @@ def test_a_library_that_is_missing(file, library, caplog):
         assert caplog.messages[0].startswith(f"{file}: found no library '")
 
 
+@pytest.mark.parametrize("text", ["Kd 1 0 0", "\x7fELF\0", "<html>"])
+def test_a_library_that_is_none(file, text, caplog):
+    library = file.parent / "a.mtl"
+    library.write_text(text)
+    file.write_text(dressed("a.mtl", "a"))
+    assert objects_of(convert(file))
+    assert (
+        caplog.messages[0] == f"{library}: found no newmtl, expected materials that begin with it"
+    )
+
+
 def test_one_of_several_libraries_is_missing(file, caplog):
     (file.parent / "a.mtl").write_text("newmtl a\nKd 0 0 0\n")
     file.write_text(dressed("no.mtl a.mtl", "a"))
@@ -524,7 +552,7 @@ def test_faces_that_are_not_finite(file, bad, caplog):
     assert said.endswith("expected finite coordinates of three corners or more")
     store = convert(file, skip_invalid=True)
     assert shapes_of(store) == expected(VERTICES, [[0, 1, 2], FACES[1], [2, 1, 0]])
-    assert caplog.messages == [f"{file}: 3 objects that are not finite were dropped"]
+    assert caplog.messages == [f"{file}: 3 invalid objects were dropped"]
 
 
 @pytest.mark.parametrize("bad", ["-1.#IND", "1.#QNAN", "1.#INF00", "-nan(ind)"])
@@ -545,7 +573,7 @@ def test_faces_of_too_few_corners(file, few, size, monkeypatch, caplog):
             small_room(monkeypatch, 100)
         store = convert(file, skip_invalid=True, polygons=True)
         assert shapes_of(store) == expected(VERTICES, [[0, 1, 2], *FACES])
-        assert "10 objects" in caplog.messages[-1]
+        assert "10 invalid objects" in caplog.messages[-1]
 
 
 @settings(max_examples=100)

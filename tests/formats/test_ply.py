@@ -486,6 +486,19 @@ def test_colors_of_the_files_own(file, layout, kind, full, owner):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
+def test_colors_that_are_none_are_said(file, layout, caplog):
+    """Such as those of 255 levels that are floats."""
+    more = [(name, "float") for name in ("red", "green", "blue")]
+    colors = [[1, 0, 0.5], [255, 0, 51], [np.nan, 0, 0], [-0.5, 2, 0], *[[1, 1, 1]] * len(VERTICES)]
+    rows = [[*row, *color] for row, color in zip(VERTICES.tolist(), colors, strict=False)]
+    file.write_bytes(ply(layout, ("vertex", [*XYZ, *more], rows)))
+    found = objects_of(convert(file, color_by="rgb", radius=1))
+    assert [each.color for each in found[1:4]] == [(1, 0, 1), (0, 0, 0), (0, 1, 0)]
+    said = f"{file}: 3 colors are not from 0 to 1: the nearest that are were taken"
+    assert caplog.messages[-1] == said
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("names", [("diffuse_red", "diffuse_green", "diffuse_blue"), tuple("rgb")])
 @pytest.mark.parametrize("owner", ["vertex", "face", "point"])
 def test_colors_by_other_names(file, layout, names, owner):
@@ -676,7 +689,7 @@ def test_faces_that_are_not_finite(file, layout, bad, kind, caplog):
     assert said.endswith("expected finite coordinates of three corners or more")
     store = convert(file, skip_invalid=True)
     assert shapes_of(store) == expected(vertices, [[0, 1, 2], FACES[1], [2, 1, 0]])
-    assert caplog.messages == [f"{file}: 3 objects that are not finite were dropped"]
+    assert caplog.messages == [f"{file}: 3 invalid objects were dropped"]
     vertices[5][1], vertices[4][0] = 2.0, bad  # nothing needs it
     file.write_bytes(mesh(layout, FACES, vertices, xyz))
     assert convert(file).objects == 4
@@ -701,7 +714,7 @@ def test_points_that_are_not_finite(file, layout, bad, column, caplog, tiny):
     assert shapes_of(convert(file, skip_invalid=True)) == [
         (tuple(row),) for i, row in enumerate(rows) if i not in (7, 12)
     ]
-    assert caplog.messages == [f"{file}: 2 objects that are not finite were dropped"]
+    assert caplog.messages == [f"{file}: 2 invalid objects were dropped"]
 
 
 @pytest.mark.filterwarnings("error")
@@ -723,7 +736,7 @@ def test_faces_of_too_few_corners(file, layout, size, caplog):
         f"face 1: found {['nothing', '0 0 0', '0 0 0 1 0 0.25'][size]}, expected"
     )
     assert shapes_of(convert(file, skip_invalid=True)) == expected(VERTICES, [[0, 1, 2], *FACES])
-    assert "1 objects" in caplog.text
+    assert "1 invalid objects" in caplog.text
 
 
 HEADERS = {

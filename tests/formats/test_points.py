@@ -148,7 +148,7 @@ def test_dropped_ones_are_counted_and_told(caplog):
     rows = CENTERS.copy()
     rows[[3, 4, 19]] = np.nan
     assert len(written(Given(rows), radius=1, skip_invalid=True)[0]) == 17
-    assert caplog.messages == ["points: 3 objects that are not finite were dropped"]
+    assert caplog.messages == ["points: 3 invalid objects were dropped"]
     caplog.clear()
     written(Given(CENTERS), radius=1, skip_invalid=True)
     assert caplog.messages == []

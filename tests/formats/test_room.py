@@ -14,7 +14,7 @@ from meshes import convert, failure
 
 import bfrt
 from bfrt.errors import BudgetError
-from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, OBJECTS, room_for
+from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, OBJECTS, need_of, rooms_for
 from bfrt.memory import BASELINE, parse_memory
 
 SUFFIXES = ("nff", "stl", "npy", "ply", "obj")
@@ -75,6 +75,18 @@ def test_the_least_follows_the_file(tmp_path, suffix):
         file.truncate(1 << 40)  # more than any block
     mesh = suffix in ("ply", "obj")
     assert least_of(path, **asked(suffix)) == ("144MiB" if mesh else "100MiB")
+
+
+def room_for(name, memory, size=None, **asked):
+    return rooms_for([need_of(name, size, **asked)], memory)[0]
+
+
+def test_the_least_for_all_files_is_named_at_once():
+    needs = [need_of(name) for name in ("-", "a.h5", "a.laz")]
+    most = max(need.least for need in needs)
+    with pytest.raises(BudgetError, match=r"more to convert a\.h5"):
+        rooms_for(needs, BASELINE)
+    assert rooms_for(needs, most) == [most - need.blocks for need in needs]
 
 
 def test_what_is_left_is_for_vertices(tmp_path):

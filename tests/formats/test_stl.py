@@ -369,7 +369,7 @@ def test_triangles_that_are_not_finite(file, bad, form, caplog):
     assert said.startswith("triangle 1: found ")
     assert said.endswith("expected finite numbers")
     assert shapes_of(convert(file, skip_invalid=True)) == expected(TRIANGLES[[0, 2, 4]])
-    assert caplog.messages == [f"{file}: 2 objects that are not finite were dropped"]
+    assert caplog.messages == [f"{file}: 2 invalid objects were dropped"]
 
 
 def test_normals_and_attributes_are_passed_over(file):

@@ -25,6 +25,10 @@ from bfrt.records import INDEX_BITS, NO_HIT
 from bfrt.reference import exhaustive
 from bfrt.scene import Scene
 
+#: An array that nothing can be put into.
+READ_ONLY = np.zeros(2)
+READ_ONLY.flags.writeable = False
+
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
 #: Budgets as a query gets them: plenty, and so little that all goes to disk.
@@ -413,12 +417,50 @@ def test_no_objects(tmp_path):
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t": np.zeros(2)}}, "out: found 't'"),
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": np.zeros(3)}}, "of shape"),
         ((np.zeros((2, 3)), np.ones((2, 3))), {"refine": "no"}, "refine: found"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"out": 5}, "out: found int, expected arrays by key"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"out": b"x"}, "out: found bytes"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": [0.0, 0.0]}}, "t_hit that is list"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": READ_ONLY}}, "that is read-only"),
+        (([[0, 0, 0], [0, 0]], np.ones((2, 3))), {}, "origins: found rows of several lengths"),
         (("no.npy", "no.npy"), {}, "no.npy: expected an .npy file of origins"),
     ],
 )
 def test_refused_in_one_sentence(spheres, arguments, settings, what):
     with pytest.raises(SettingError, match=what):
         spheres.cast_rays(*arguments, **settings)
+
+
+def test_answers_are_put_into_no_file_and_no_store(spheres, tmp_path):
+    (tmp_path / "file").touch()
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    before = sorted(spheres.path.iterdir())
+    for ask in (spheres.cast_rays, spheres.list_intersections):
+        with pytest.raises(SettingError, match=r"found the file .*, expected a folder"):
+            ask(*rays, out=tmp_path / "file")
+        for folder in (spheres.path, spheres.path / "out"):
+            with pytest.raises(SettingError, match="which is in a store"):
+                ask(*rays, out=folder)
+    assert sorted(spheres.path.iterdir()) == before
+
+
+def test_a_ray_may_begin_any_way_before_the_scene(spheres):
+    o, d = np.array([[7.5, 0.2, 0.3]]), np.array([[1.0, 0.0, 0.0]])
+    expected = spheres.list_intersections(o, d, t_min=-9.0)
+    assert len(expected["t_hit"]) == 5
+    for t_min in (-100.0, -1e7, -1e16, -1e300, -np.inf):
+        found = spheres.list_intersections(o, d, t_min=t_min)
+        assert found.stats.bad_rays == 0
+        assert (found["primitive_ids"] == expected["primitive_ids"]).all()
+        assert np.allclose(found["t_hit"], expected["t_hit"], rtol=1e-14)
+
+
+def test_long_directions_from_the_far_end_of_numbers(spheres):
+    far = np.float64(1.7e308)
+    d = np.array([[1.0, 0.0, 0.0]])
+    o = np.array([[-far, 0.0, 0.5]])
+    expected = spheres.count_intersections(o * 1e-300, d)["counts"]
+    for length in (1.0, 1e20, 1e40, 1e300):
+        assert spheres.count_intersections(o, d * length)["counts"] == expected
 
 
 def test_a_list_goes_to_a_folder(spheres):
