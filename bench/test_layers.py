@@ -19,7 +19,7 @@ from bfrt.records import HIT, SCALARS, Kind
 from bfrt.reference._kernels import meet, spans
 from bfrt.store.columns import prepare
 from bfrt.store.hierarchy import Hierarchy, Level
-from bfrt.streams.reader import Reader, Tape
+from bfrt.streams.reader import Reader, SharedFile
 from bfrt.streams.spool import Spool
 
 READ = 256 << 20
@@ -35,7 +35,7 @@ def file(folder: Path) -> Path:
 
 
 def read_all(path: Path) -> int:
-    reader = Reader(Tape(path), CHUNK)
+    reader = Reader(SharedFile(path), CHUNK)
     reader.window(0, READ)
     return sum(len(reader.read(CHUNK // 2)) for _ in range(READ // (CHUNK // 2)))
 

@@ -33,7 +33,7 @@ from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
 from bfrt.store.model import Camera
 from bfrt.store.store import Store, bounds_to, open_store
-from bfrt.streams.atomic_write import aside
+from bfrt.streams.atomic_write import atomic_path
 from bfrt.view import aovs_of
 
 BAD_INPUT = 1
@@ -335,7 +335,7 @@ def run_spd(options: argparse.Namespace) -> None:
         scene.write_nff(sys.stdout, threads=threads)
     elif options.nff is not None:
         with (
-            aside(options.nff) as path,
+            atomic_path(options.nff) as path,
             path.open("w") as file,
             making_bar(scene, "text", options.quiet) as progress,
         ):

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable
 
 from bfrt.image.film import Film
-from bfrt.image.image_buffer import Canvas
+from bfrt.image.image_buffer import ImageBuffer
 from bfrt.image.picture import Image
 from bfrt.progress import Report
 from bfrt.scheduler import Render
@@ -42,9 +42,9 @@ def picture_of(tracer: Tracer, view: View, report: Report) -> Image:
     store, plan = tracer.store, tracer.capacities
     stats = stats_of(tracer)
     stats.settings["depth"] = view.depth
-    canvas = Canvas(*view.camera.resolution, tracer.scratch if plan.frame_on_disk else None)
-    Render(tracer, view, stats, report).run(lambda film: develop(film, canvas))
-    image = Image(canvas.channels(), describe(store, view), stats)
+    buffer = ImageBuffer(*view.camera.resolution, tracer.scratch if plan.frame_on_disk else None)
+    Render(tracer, view, stats, report).run(lambda film: resolve(film, buffer))
+    image = Image(buffer.channels(), describe(store, view), stats)
     stats.total.seconds += time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
     if stats.bad_rays:
@@ -68,11 +68,11 @@ def stats_of(tracer: Tracer) -> Stats:
     )
 
 
-def develop(film: Film, canvas: Canvas) -> None:
+def resolve(film: Film, buffer: ImageBuffer) -> None:
     """Add the rows that the film holds to the image, a few at a time."""
     rows = max(1, BAND // (film.shape[1] * 64))
     for first in range(film.row, film.end, rows):
-        canvas.add(film.rows(first, min(first + rows, film.end)))
+        buffer.add(film.rows(first, min(first + rows, film.end)))
 
 
 def describe(store: Store, view: View) -> dict[str, str]:

@@ -9,7 +9,7 @@
                 admit                 rays enter, to fill memory, and walk to their first candidate
                 collect               each walks on to its candidates of this pass, and its sentinel
                 intersect             all objects stream past the rays stored in their voxels
-                settle                complete rays leave: to the next group, after the last to
+                retire                complete rays leave: to the next group, after the last to
                                       the hits, or with light to the film
         shade                         hits in object order; reflection, refraction, shadow rays
 

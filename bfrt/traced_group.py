@@ -21,7 +21,7 @@ from bfrt.store.store import Group, Store
 from bfrt.workers import Workers
 
 
-class Field:
+class TracedGroup:
     """Traces rays through one group, with the grid that memory has room for.
 
     Parameters

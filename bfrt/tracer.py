@@ -7,7 +7,7 @@
             └─ a group's objects and grid   open files, marks, slabs, rays stored in voxels
 
     with Tracer(...) as tracer:
-        tracer.trace(queue, ends, counters, tell)      as often as there are queues
+        tracer.trace(queue, sinks, counters, tell)      as often as there are queues
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ import numpy as np
 
 from bfrt.budget import Capacities
 from bfrt.image.film import Film
-from bfrt.phases.all_hits import Crossings
-from bfrt.phases.traversal import Ends, Flight, Queue, Sink
+from bfrt.phases.all_hits import AllHits
+from bfrt.phases.traversal import Flight, Queue, Sink, Sinks
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
 from bfrt.store.store import Group, Store
 from bfrt.streams.spool import Spool
-from bfrt.traced_group import Field
+from bfrt.traced_group import TracedGroup
 from bfrt.workers import Workers
 
 #: Called with the rays that are finished so far.
@@ -46,13 +46,13 @@ class Outcome(NamedTuple):
         Takes intersections; without a film all rays, whether they have met something or not.
     film : Film, optional
         Takes the light of shadow rays that met nothing, and the background of others.
-    crossings : Crossings, optional
+    crossings : AllHits, optional
         Takes all that rays meet, each of which then goes on to its end.
     """
 
     hits: Sink
     film: Film | None = None
-    crossings: Crossings | None = None
+    crossings: AllHits | None = None
 
 
 class Tracer:
@@ -70,7 +70,7 @@ class Tracer:
 
     Attributes
     ----------
-    fields : list of Field
+    groups : list of TracedGroup
         The groups, each with its grid.
     prepared : Counters
         The time and traffic of making all this ready, marks above all.
@@ -85,30 +85,30 @@ class Tracer:
         self.prepared = Counters()
         self.workers = Workers(capacities.threads)
         self._process = os.getpid()
-        self._entered: Field | None = None
+        self._entered: TracedGroup | None = None
         self._background = np.array(store.background, np.float64)
         try:
-            self.fields = [self._field(group) for group in store.groups]
+            self.groups = [self._traced(group) for group in store.groups]
             with self.prepared.phases.preprocess.timed():
-                for field in self.fields:
-                    field.preprocess(capacities.subspace, self.prepared, fresh=settings.fresh_marks)
+                for group in self.groups:
+                    group.preprocess(capacities.subspace, self.prepared, fresh=settings.fresh_marks)
             self._flight = Flight(capacities.rays, capacities.candidates, self.workers)
-            room = capacities.hits if len(self.fields) > 1 else 0
+            room = capacities.hits if len(self.groups) > 1 else 0
             self._between = [Spool(HIT, room, self.scratch) for _ in range(2)]
             self.prepared.seconds = time.perf_counter() - start
         except BaseException:
             self.workers.close()
             raise
 
-    def _field(self, group: Group) -> Field:
+    def _traced(self, group: Group) -> TracedGroup:
         plan, lazy = self.capacities, self.settings.refinement.lazy
         scans = GroupScans(self.store, group, plan.threads, plan.read_buffer, lazy)
-        return Field(self.store, group, self.settings, plan.limits, scans, self.workers)
+        return TracedGroup(self.store, group, self.settings, plan.limits, scans, self.workers)
 
     @property
     def scans(self) -> list[GroupScans]:
         """Return the objects of each group."""
-        return [field.scans for field in self.fields]
+        return [group.scans for group in self.groups]
 
     @property
     def bad(self) -> int:
@@ -134,24 +134,24 @@ class Tracer:
 
     def begin(self, stats: Stats) -> None:
         """Add the work of preparing to a record of counters; a second one gets none of it."""
-        stats.marks_reused = all(field.marks_reused for field in self.fields)
-        stats.grids.extend(field.facts for field in self.fields)
+        stats.marks_reused = all(group.marks_reused for group in self.groups)
+        stats.grids.extend(group.facts for group in self.groups)
         stats.total.add(self.prepared)
         self.prepared = Counters()
-        for field in self.fields:
-            field.marks_reused = True
+        for group in self.groups:
+            group.marks_reused = True
 
     def trace(self, queue: Queue, outcome: Outcome, counters: Counters, tell: Tell) -> None:
         """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
         passage = Passage(self._flight, counters, tell)
         self._flight.begin(outcome.crossings)
-        last = self.fields[-1]
-        for field, between in zip(self.fields, itertools.cycle(self._between), strict=False):
-            hits: Sink = outcome.hits if field is last else between
-            ends = Ends(hits, outcome.film, self._background, field is last)
+        last = self.groups[-1]
+        for group, between in zip(self.groups, itertools.cycle(self._between), strict=False):
+            hits: Sink = outcome.hits if group is last else between
+            sinks = Sinks(hits, outcome.film, self._background, group is last)
             if len(queue):
-                self._enter(field)
-            passage.go(field, queue, ends)
+                self._enter(group)
+            passage.go(group, queue, sinks)
             for spool in self._between:
                 counters.phases.traversal.spooled(spool)
                 if spool is queue:
@@ -159,11 +159,11 @@ class Tracer:
             queue = between
         tell(passage.done)
 
-    def _enter(self, field: Field) -> None:
-        if self._entered is not field:
+    def _enter(self, group: TracedGroup) -> None:
+        if self._entered is not group:
             self._leave()
-            self._flight.enter(field.open(self.capacities.blocks, self.capacities.subspace))
-            self._entered = field
+            self._flight.enter(group.open(self.capacities.blocks, self.capacities.subspace))
+            self._entered = group
 
     def _leave(self) -> None:
         if self._entered is not None:
@@ -186,17 +186,17 @@ class Passage:
         self._counters = counters
         self._tell = tell
 
-    def go(self, field: Field, queue: Queue, ends: Ends) -> None:
+    def go(self, group: TracedGroup, queue: Queue, sinks: Sinks) -> None:
         """Take a queue through one group."""
         flight, counters, phases = self._flight, self._counters, self._counters.phases
         while len(queue) or flight.active:
             self._tell(self.done)
             with phases.traversal.timed():
-                self.done += flight.admit(queue, ends, counters)
+                self.done += flight.admit(queue, sinks, counters)
                 if flight.active:
-                    flight.collect(field.read, counters, selective=field.selective)
+                    flight.collect(group.read, counters, selective=group.selective)
             if flight.active:
                 with phases.intersection.timed():
-                    field.intersect(flight, counters)
+                    group.intersect(flight, counters)
                 with phases.traversal.timed():
-                    self.done += flight.settle(ends, counters)
+                    self.done += flight.retire(sinks, counters)

@@ -87,7 +87,7 @@ def test_a_query_s_ray_is_a_hit_with_another_path():
 
 def settled(hits):
     grid = Grid((0, 0, 0), (1, 1, 1), (1, 1, 1), 0.0)
-    RayPool(1, 1).settle(0, 0, grid, Film(1, 1, 1), np.zeros(3), hits)
+    RayPool(1, 1).retire(0, 0, grid, Film(1, 1, 1), np.zeros(3), hits)
 
 
 def test_the_compiler_agrees():

@@ -3,7 +3,7 @@
 ::
 
     nff ─────────────────────────────────────────────────────────────────────► SceneSink
-    stl ───────────────────────────────► triangles ──────────────► Outlet ──────►│
+    stl ───────────────────────────────► triangles ──────────────► ObjectWriter ──────►│
     ply, obj ──────────────────────────► Mesh ─► mesh: joined ────►│  ▲
     npy, hdf5 ─► named arrays (table) ─► arrays ─► Mesh, Points ──►│  │
     las, laz ──────────────────────────► Points ─► points ────────►┘  │

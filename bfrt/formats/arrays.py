@@ -44,7 +44,7 @@ from bfrt.formats.naming import (
     positions_named,
     triangles_in,
 )
-from bfrt.formats.object_writer import Outlet
+from bfrt.formats.object_writer import ObjectWriter
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import PAINTED, POINTS, RGB, Reading
 from bfrt.formats.table import Array, Arrays, Rows, floats, level, wrong
@@ -53,7 +53,7 @@ from bfrt.formats.table import Array, Arrays, Rows, floats, level, wrong
 BLOCK_BYTES = 8 << 20
 
 
-def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
+def write_arrays(file: str, arrays: Arrays, writer: ObjectWriter) -> None:
     """Write a scene made of named arrays: triangles, a mesh, or points.
 
     Raises
@@ -63,29 +63,29 @@ def write_arrays(file: str, arrays: Arrays, outlet: Outlet) -> None:
     SettingError
         If a setting names an array that is missing.
     """
-    reading = outlet.reading
+    reading = writer.reading
     points = reading.positions is not None
     if not points and (mesh := mesh_in(file, arrays)):
-        write_mesh(ArrayMesh(file, arrays, reading, *mesh), outlet)
+        write_mesh(ArrayMesh(file, arrays, reading, *mesh), writer)
     elif not points and (triangles := triangles_in(file, arrays)):
-        write_triangles(arrays, triangles[0], outlet)
+        write_triangles(arrays, triangles[0], writer)
     else:
         reading.refuse_all_but(file, "positions", *POINTS)
-        write_points(ArrayPoints(file, arrays, reading), outlet)
+        write_points(ArrayPoints(file, arrays, reading), writer)
 
 
-def write_triangles(arrays: Arrays, key: str, outlet: Outlet) -> None:
+def write_triangles(arrays: Arrays, key: str, writer: ObjectWriter) -> None:
     """Write triangles (n, 3, 3) or (n, 9), painted by a column of one value a triangle."""
-    reading, triangles = outlet.reading, arrays[key]
-    reading.refuse_all_but(outlet.name, *PAINTED)
+    reading, triangles = writer.reading, arrays[key]
+    reading.refuse_all_but(writer.name, *PAINTED)
     if triangles.shape[1:] not in ((3, 3), (9,)):
         raise wrong(triangles, "(n, 3, 3) or (n, 9)")
-    column = painting(arrays, reading, outlet.name, key, triangles.shape[0])
+    column = painting(arrays, reading, writer.name, key, triangles.shape[0])
     if column is not None:
-        outlet.paint_by(numbers(column))
+        writer.paint_by(numbers(column))
     dtype = floats(triangles)
     for block, values in together(triangles, column):
-        outlet.triangles(block.reshape(len(block), 9).astype(dtype, copy=False), values)
+        writer.triangles(block.reshape(len(block), 9).astype(dtype, copy=False), values)
 
 
 class ArrayPoints:

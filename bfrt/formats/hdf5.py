@@ -6,7 +6,7 @@ from contextlib import closing
 
 from bfrt.errors import SettingError
 from bfrt.formats.arrays import write_arrays
-from bfrt.formats.object_writer import Outlet, SceneSink
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report, Source
 
@@ -30,8 +30,8 @@ def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | Non
     from bfrt.formats.datasets import Datasets
 
     with Source(path) as source, closing(Datasets(source)) as datasets:
-        outlet = Outlet(sink, path, reading)
-        write_arrays(path, datasets, outlet)
-        outlet.report()
+        writer = ObjectWriter(sink, path, reading)
+        write_arrays(path, datasets, writer)
+        writer.report()
         if report is not None:
             report(source.size)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import full_of
 from bfrt.formats.laz import LasSource, asking, backend_for
-from bfrt.formats.object_writer import Outlet, SceneSink
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import BLOCK, PointBlock, write_points
 from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, printable
@@ -101,8 +101,8 @@ def read_las(path: str, sink: SceneSink, reading: Reading, report: Report | None
     except ImportError:
         raise SettingError(f"{path}: LAS needs laspy and lazrs: install bfrt[las]") from None
     with LasSource(path) as source:
-        outlet = Outlet(sink, path, reading)
-        write_points(Scan(source, laspy, reading), outlet)
-        outlet.report()
+        writer = ObjectWriter(sink, path, reading)
+        write_points(Scan(source, laspy, reading), writer)
+        writer.report()
         if report is not None:
             report(source.size)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import BudgetError, SceneError
-from bfrt.formats.object_writer import Outlet, cast
+from bfrt.formats.object_writer import ObjectWriter, cast
 from bfrt.formats.reading import PAINTED
 from bfrt.memory import format_memory
 from bfrt.streams.spool import Spool
@@ -101,20 +101,20 @@ class Mesh(Protocol):
         ...
 
 
-def write_mesh(mesh: Mesh, outlet: Outlet) -> None:
+def write_mesh(mesh: Mesh, writer: ObjectWriter) -> None:
     """Write all faces, painted by their own numbers or by the mean of their vertices'."""
-    reading = outlet.reading
+    reading = writer.reading
     unpainted = reading.color_by is not None and not mesh.painted
     painted = ("skip_invalid",) if unpainted else PAINTED
     reading.refuse_all_but(mesh.name, *painted, "triangulate", "polygons")
     if mesh.painted:
-        outlet.paint_by(mesh.numbers())
+        writer.paint_by(mesh.numbers())
     for corners, faces in joined(mesh, reading.room, reading.scratch):
         values = faces.values
         if values is None and mesh.painted:
             values = means(corners[:, 3:], faces.counts)
         positions = cast(corners[:, :3], mesh.coordinates)
-        outlet.faces(positions, faces.counts, values, faces.materials)
+        writer.faces(positions, faces.counts, values, faces.materials)
 
 
 def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:

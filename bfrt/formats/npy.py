@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bfrt.errors import BfrtError, SceneError, ShortReadError
 from bfrt.formats.arrays import write_arrays
 from bfrt.formats.naming import CENTERS, within
-from bfrt.formats.object_writer import Outlet, SceneSink
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report, Source, printable, said
 from bfrt.formats.table import Array, Lazy, level, openers_of
@@ -175,10 +175,10 @@ def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None
         If the system refuses to read it.
     """
     array = NpyArray(path, partial(Source, path, report))
-    outlet = Outlet(sink, path, reading)
+    writer = ObjectWriter(sink, path, reading)
     records = array.dtype.names is not None
-    write_arrays(path, Lazy(fields_of(array)) if records else by_shape(array), outlet)
-    outlet.report()
+    write_arrays(path, Lazy(fields_of(array)) if records else by_shape(array), writer)
+    writer.report()
 
 
 def by_shape(array: NpyArray) -> dict[str, Any]:
@@ -224,9 +224,9 @@ def read_npz(path: str, sink: SceneSink, reading: Reading, report: Report | None
                     name = f"{path}: {printable(stem)}"
                     opened = partial(NpyArray, name, Member(source, archive, member))
                     openers.update(member_of(stem, opened))
-            outlet = Outlet(sink, path, reading)
-            write_arrays(path, Lazy(openers), outlet)
-            outlet.report()
+            writer = ObjectWriter(sink, path, reading)
+            write_arrays(path, Lazy(openers), writer)
+            writer.report()
         if report is not None:
             report(source.size)
 

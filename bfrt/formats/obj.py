@@ -20,7 +20,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.formats._obj import Fault, Lines, Statement
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
-from bfrt.formats.object_writer import Outlet, SceneSink
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import POINTS, RGB, Reading
 from bfrt.formats.source import Report, Source, shown
@@ -149,7 +149,7 @@ class ObjMesh:
         self.vertex_blocks = vertices.blocks
         self._source = source
         self._sink = sink
-        self._fewest = 0 if reading.skip_invalid else 3  # the outlet drops those of fewer
+        self._fewest = 0 if reading.skip_invalid else 3  # the writer drops those of fewer
         self._materials: dict[bytes, int] = {}
         self._unknown: set[bytes] = set()
         self._missing: set[str] = set()
@@ -234,13 +234,13 @@ def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None
     with Source(path, report) as source:
         if reading.color_by not in (None, RGB) and reading.uses.files == 1:
             raise SettingError(f"{path}: found color_by={reading.color_by!r}, expected {RGB}")
-        outlet = Outlet(sink, path, reading)
+        writer = ObjectWriter(sink, path, reading)
         vertices = ObjVertices(source, reading)
         if vertices.count and not vertices.has_faces:
             reading.refuse_all_but(path, *POINTS)
             if isinstance(reading.radius, str):
                 raise SettingError(f"{path}: found radius={reading.radius!r}, expected a number")
-            write_points(ObjPoints(vertices), outlet)
+            write_points(ObjPoints(vertices), writer)
         else:
-            write_mesh(ObjMesh(vertices, source, sink, reading), outlet)
-        outlet.report()
+            write_mesh(ObjMesh(vertices, source, sink, reading), writer)
+        writer.report()

@@ -75,7 +75,7 @@ class SceneSink(Protocol):
         """
 
 
-class Outlet:
+class ObjectWriter:
     """Passes one file's points, triangles and faces on to a sink.
 
     Parameters

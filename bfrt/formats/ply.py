@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats._ply import MOST_PROPERTIES, Fault, Rows
 from bfrt.formats.mesh import Faces, write_mesh
-from bfrt.formats.object_writer import Outlet, SceneSink, cast
+from bfrt.formats.object_writer import ObjectWriter, SceneSink, cast
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
 from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown
@@ -487,11 +487,11 @@ def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None
                 raise SceneError(
                     f"{path}: found {element.name} without a list vertex_indices, expected it"
                 )
-        outlet = Outlet(sink, path, reading)
+        writer = ObjectWriter(sink, path, reading)
         if faces:
-            write_mesh(PlyMesh(ply, vertex, faces, reading), outlet)
+            write_mesh(PlyMesh(ply, vertex, faces, reading), writer)
         else:
             reading.refuse_all_but(path, *POINTS)
-            write_points(PlyPoints(ply, vertex, reading), outlet)
+            write_points(PlyPoints(ply, vertex, reading), writer)
         ply.check_end()
-        outlet.report()
+        writer.report()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.formats.object_writer import Outlet, finite
+from bfrt.formats.object_writer import ObjectWriter, finite
 
 #: Points that are read at once.
 BLOCK = 1 << 16
@@ -56,7 +56,7 @@ class Points(Protocol):
         ...
 
 
-def write_points(points: Points, outlet: Outlet) -> None:
+def write_points(points: Points, writer: ObjectWriter) -> None:
     """Write all points as spheres.
 
     Raises
@@ -64,10 +64,10 @@ def write_points(points: Points, outlet: Outlet) -> None:
     SettingError
         If neither the setting nor the file has a radius.
     """
-    reading = outlet.reading
+    reading = writer.reading
     radius = None if isinstance(reading.radius, str) else reading.radius
     if points.painted:
-        outlet.paint_by(points.numbers())
+        writer.paint_by(points.numbers())
     for centers, radii, values in points.blocks():
         if radii is None:
             if radius is None:
@@ -76,7 +76,7 @@ def write_points(points: Points, outlet: Outlet) -> None:
                     f"the command line){fitting(points)}"
                 )
             radii = np.full(len(centers), float(radius))
-        outlet.spheres(centers, radii, values)
+        writer.spheres(centers, radii, values)
 
 
 def fitting(points: Points) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
 from bfrt.formats._stl import Facets
-from bfrt.formats.object_writer import Outlet, SceneSink
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import PADDING, Report, Source, shown
 
@@ -48,10 +48,10 @@ def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None
     """
     reading.refuse_all_but(path, "skip_invalid")
     with Source(path, report) as source:
-        outlet = Outlet(sink, path, reading)
+        writer = ObjectWriter(sink, path, reading)
         for block in facets_of(source):
-            outlet.triangles(block)
-        outlet.report()
+            writer.triangles(block)
+        writer.report()
 
 
 def facets_of(source: Source) -> Iterator[NDArray[Any]]:

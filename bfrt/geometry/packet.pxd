@@ -134,32 +134,35 @@ cdef extern from *:
         BOXES "BFRT_BOXES"
         SIDES "BFRT_SIDES"
 
-    ctypedef struct Eight "bfrt_eight":
+    ctypedef struct BoxPacket "bfrt_eight":
         float side[6][8]
 
-    bint eight_empty "bfrt_eight_empty"(const Eight* e, int i) noexcept nogil
-    void eight_of "bfrt_eight_of"(const float* side, int n, Eight* e) noexcept nogil
-    void eight_end "bfrt_eight_end"(Eight* e, int n) noexcept nogil
-    void eight_union "bfrt_eight_union"(const Eight* e, float* side) noexcept nogil
+    bint eight_empty "bfrt_eight_empty"(const BoxPacket* e, int i) noexcept nogil
+    void eight_of "bfrt_eight_of"(const float* side, int n, BoxPacket* e) noexcept nogil
+    void eight_end "bfrt_eight_end"(BoxPacket* e, int n) noexcept nogil
+    void eight_union "bfrt_eight_union"(const BoxPacket* e, float* side) noexcept nogil
     void eight_below "bfrt_eight_below"(const double* x, float* below) noexcept nogil
 
-    ctypedef struct GrownEight "bfrt_grown_eight":
+    ctypedef struct PaddedPacket "bfrt_grown_eight":
         double side[6][8]
 
-    void eight_grow "bfrt_eight_grow"(const Eight* e, double grow, GrownEight* g) noexcept nogil
-    unsigned int eight_span "bfrt_eight_span"(const GrownEight* g, const double* o, const double* d,
-                                              double reach, double* inv, double* near,
-                                              double* far) noexcept nogil
+    void eight_grow "bfrt_eight_grow"(
+        const BoxPacket* e, double grow, PaddedPacket* g
+    ) noexcept nogil
+    unsigned int eight_span "bfrt_eight_span"(
+        const PaddedPacket* g, const double* o, const double* d, double reach, double* inv,
+        double* near, double* far
+    ) noexcept nogil
 
 
-cdef inline void eight_clear(Eight* e, int i) noexcept nogil:
+cdef inline void eight_clear(BoxPacket* e, int i) noexcept nogil:
     """Make one of them empty."""
     cdef int k
     for k in range(3):
         e.side[k][i], e.side[HIGH + k][i] = INFINITY, -INFINITY
 
 
-cdef inline void grown_at(const GrownEight* g, int i, Grown* one) noexcept nogil:
+cdef inline void grown_at(const PaddedPacket* g, int i, Grown* one) noexcept nogil:
     """Return box i of the eight grown boxes."""
     cdef int k
     for k in range(3):

@@ -17,7 +17,7 @@ from libc.stdint cimport uint8_t
 from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, above, box_empty
-from bfrt.geometry.packet cimport SIDES, Eight
+from bfrt.geometry.packet cimport SIDES, BoxPacket
 
 cdef extern from *:
     """
@@ -109,7 +109,7 @@ cdef extern from *:
         float step[6]
 
     void eight_decoded "bfrt_eight_decoded"(const Coding* c, const uint8_t* code, int n,
-                                            Eight* e) noexcept nogil
+                                            BoxPacket* e) noexcept nogil
     ctypedef struct Codings "bfrt_codings":
         pass
 

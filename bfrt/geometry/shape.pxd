@@ -40,7 +40,7 @@ cdef struct Surface:
 
 # A line that met an object's box, with its span there; `mark` is the caller's name for it, and
 # t is the hit, or -1.
-cdef struct Meeting:
+cdef struct BoxHit:
     Line line
     Span span
     double t
@@ -77,7 +77,7 @@ cdef inline void shape_bounds(const Shape* s, Box* b) noexcept nogil:
         polygon_bounds(&s.of.polygon, b)
 
 
-cdef inline void meet(Hitter hit, const void* shape, Meeting* meetings, int n) noexcept nogil:
+cdef inline void meet(Hitter hit, const void* shape, BoxHit* meetings, int n) noexcept nogil:
     """Run one kernel over many meetings; the compiler makes one loop for each kernel."""
     cdef int i
     for i in range(n):
@@ -85,7 +85,7 @@ cdef inline void meet(Hitter hit, const void* shape, Meeting* meetings, int n) n
             meetings[i].t = -1.0
 
 
-cdef inline void shape_meet(const Shape* s, Meeting* meetings, int n) noexcept nogil:
+cdef inline void shape_meet(const Shape* s, BoxHit* meetings, int n) noexcept nogil:
     """Find the hit of each meeting: the nearest in its span, or -1."""
     if s.kind == SPHERE:
         meet(<Hitter>sphere_hit, &s.of.sphere, meetings, n)

@@ -4,7 +4,7 @@ from libc.math cimport INFINITY, fabs, sqrt
 
 from bfrt.geometry.box cimport Box, Span, box_between
 from bfrt.geometry.coordinates cimport Frame, number, point
-from bfrt.geometry.packet cimport BOXES, Eight, eight_below, eight_clear, eight_end
+from bfrt.geometry.packet cimport BOXES, BoxPacket, eight_below, eight_clear, eight_end
 from bfrt.geometry.vector cimport Line, Vec, along, dot, larger, scale, smaller, sub, vec
 
 cdef struct Sphere:
@@ -25,7 +25,7 @@ cdef inline void sphere_bounds(const Sphere* s, Box* b) noexcept nogil:
 
 
 cdef inline void sphere_boxes(const unsigned char* records, size_t stride, const Frame* f, int n,
-                              Eight* e) noexcept nogil:
+                              BoxPacket* e) noexcept nogil:
     """Compute the boxes of n spheres, BOXES or fewer, as `sphere_bounds` does; else empty."""
     cdef double side[6][BOXES]  # of the high ones the negative, so that all are rounded down
     cdef Sphere s[BOXES]

@@ -14,7 +14,7 @@ from bfrt.records cimport BOX_BYTES, Parent
 from bfrt.store._hierarchy cimport MOST_LEVELS
 from bfrt.streams.reader cimport Reader, skip, take
 from bfrt.errors import StoreError
-from bfrt.streams.reader import Tape
+from bfrt.streams.reader import SharedFile
 
 cdef enum:
     LEVELS = MOST_LEVELS + 1  # with that of the objects' own boxes
@@ -36,7 +36,7 @@ cdef class HierarchyWalk:
         Bytes of each level's read buffer.
     """
 
-    cdef tuple tapes
+    cdef tuple files
     cdef list readers          # whose they are:
     cdef void* reader[LEVELS]  # of level 1, 2, ...
     cdef object path
@@ -57,8 +57,8 @@ cdef class HierarchyWalk:
         if not 0 < self.top < LEVELS:
             raise ValueError(f"selection: found {self.top} levels, expected 1 to {LEVELS - 1}")
         self.path = stream.folder
-        self.tapes = tuple(Tape(stream.path(f"level{k}")) for k in range(1, self.top + 1))
-        self.readers = [Reader(tape, capacity, True) for tape in self.tapes]
+        self.files = tuple(SharedFile(stream.path(f"level{k}")) for k in range(1, self.top + 1))
+        self.readers = [Reader(file, capacity, True) for file in self.files]
         for k in range(self.top):
             self.reader[k + 1] = <void*>self.readers[k]
         for k, count in enumerate([stream.count, *stream.levels]):
@@ -177,5 +177,5 @@ cdef class HierarchyWalk:
     def counts_read(self):
         """Return the boxes and bytes read and the seeks since the last call."""
         boxes, self.boxes_read = self.boxes_read, 0
-        counts = [tape.counts() for tape in self.tapes]
+        counts = [file.counts() for file in self.files]
         return boxes, sum(c[0] for c in counts), sum(c[1] for c in counts)

@@ -43,8 +43,8 @@ from bfrt.errors import ShortReadError, StoreError, StreamError
 from bfrt.grid._coding import MOST_CODED, decode, encode
 from bfrt.grid.bricks import BRICK, BRICK_BYTES
 from bfrt.store.store import Group, Store
-from bfrt.streams.atomic_write import aside, put, refused
-from bfrt.streams.reader import Reader, Tape
+from bfrt.streams.atomic_write import atomic_path, put, refused
+from bfrt.streams.reader import Reader, SharedFile
 
 MAGIC = b"bfrtmark"
 VERSION = 5
@@ -137,7 +137,7 @@ class Marks:
         self.at[1:] += np.cumsum(sizes)
         self._crcs = crcs
         self._checked = np.zeros(len(crcs), np.bool_)
-        self._tape = Tape(file or path)
+        self._file = SharedFile(file or path)
 
     def read(self, number: int, bricks: Bytes) -> None:
         """Read the bricks (n, 512) that are kept of a layer; threads may read at once.
@@ -147,7 +147,7 @@ class Marks:
         StoreError
             If they are damaged: when they are read for the first time.
         """
-        reader = Reader(self._tape, MARKS_BUFFER)
+        reader = Reader(self._file, MARKS_BUFFER)
         reader.window(int(self.at[number]), int(self.at[number + 1]))
         try:
             decode(reader, bricks)
@@ -160,7 +160,7 @@ class Marks:
         self._checked[number] = True
 
     def close(self) -> None:
-        del self._tape
+        del self._file
 
 
 def marks_path(store: Store, group: Group, scratch: Path) -> Path:
@@ -206,7 +206,7 @@ class MarksWriter:
 @contextmanager
 def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWriter]:
     """Yield a writer of marks, whose file takes its name when all layers are written."""
-    with aside(path) as temporary, temporary.open("wb", buffering=0) as file:
+    with atomic_path(path) as temporary, temporary.open("wb", buffering=0) as file:
         writer = MarksWriter(file, path, layout)
         yield writer
         kept = int(writer.occupied.sum())

@@ -4,7 +4,7 @@ planes.pxd says of one at a time, to the same bits."""
 from libc.stdint cimport uint8_t
 
 from bfrt.geometry.box cimport HIGH
-from bfrt.geometry.packet cimport BOXES, SIDES, Eight, eight_empty  # and its C
+from bfrt.geometry.packet cimport BOXES, SIDES, BoxPacket, eight_empty  # and its C
 from bfrt.grid.planes cimport Planes, Range, located  # and its BFRT_START
 
 cdef extern from *:
@@ -88,7 +88,7 @@ cdef extern from *:
     ctypedef struct Voxels "bfrt_voxels":
         int side[6][8]
 
-    bint voxels_unsure "bfrt_eight_voxels"(const Sides* s, const Eight* e,
+    bint voxels_unsure "bfrt_eight_voxels"(const Sides* s, const BoxPacket* e,
                                            Voxels* v) noexcept nogil
     void entered "bfrt_entered"(const Voxels* v, int n, const int (*at)[3], const uint8_t* face,
                                 uint8_t* which) noexcept nogil
@@ -106,7 +106,7 @@ cdef inline void sides_of(const Planes* g, Sides* s) noexcept nogil:
         s.last[j] = g.n[k] - 1
 
 
-cdef inline void eight_voxels(const Planes* g, const Sides* s, const Eight* e,
+cdef inline void eight_voxels(const Planes* g, const Sides* s, const BoxPacket* e,
                               Voxels* v) noexcept nogil:
     """Find the voxels of each box, as `box_range` does; an empty one gets a range without any."""
     cdef int i, k

@@ -2,7 +2,7 @@
 
 ::
 
-    light, first hits ─► Film: one band of rows ─► rows ─► Canvas ─► Image ─► exr, png, npy
+    light, first hits ─► Film: one band of rows ─► rows ─► ImageBuffer ─► Image ─► exr, png, npy
                            │                                  │
                       HeldFrame (frame): whole in memory, or band by band, the image on disk
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 import OpenEXR
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.streams.atomic_write import FULL, aside, refused
+from bfrt.streams.atomic_write import FULL, atomic_path, refused
 
 Band = Mapping[str, npt.NDArray[Any]]
 
@@ -70,7 +70,7 @@ def write_exr(
     """
     attributes = _attributes(metadata, path)
     bands = iter(rows)
-    with aside(path) as temporary:
+    with atomic_path(path) as temporary:
         first = next(bands, None)
         if first is None:
             raise SettingError(f"{path}: found no rows, expected {height}")

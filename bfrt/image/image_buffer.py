@@ -15,7 +15,7 @@ from bfrt.streams.writer import write_all
 Channels = dict[str, npt.NDArray[Any]]
 
 
-class Canvas:
+class ImageBuffer:
     """Collects a picture from its first row to its last.
 
     Parameters

@@ -16,7 +16,7 @@ from bfrt.image.exr import write_exr
 from bfrt.image.image_buffer import forget
 from bfrt.image.png import encode_png, write_png
 from bfrt.stats import Stats
-from bfrt.streams.atomic_write import aside, put
+from bfrt.streams.atomic_write import atomic_path, put
 
 SUFFIXES = (".exr", ".png", ".npy")
 BAND_BYTES = 1 << 24
@@ -136,7 +136,7 @@ class Image:
         layout = {"descr": "<f4", "fortran_order": False, "shape": (*self.shape, 4)}
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, layout)
-        with aside(path) as temporary, temporary.open("wb", buffering=0) as file:
+        with atomic_path(path) as temporary, temporary.open("wb", buffering=0) as file:
             put(file, header.getvalue(), path)
             for band in self._bands():
                 pixels = np.stack([band[name] for name in "RGBA"], axis=-1)

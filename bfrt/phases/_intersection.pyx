@@ -11,16 +11,16 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.bits cimport lowest_bit, ones
 from bfrt.geometry.box cimport Box, Grown, box_empty, box_grow, grown_span
-from bfrt.geometry.packet cimport BOXES, GrownEight, eight_empty, eight_grow, eight_span, grown_at
+from bfrt.geometry.packet cimport BOXES, PaddedPacket, eight_empty, eight_grow, eight_span, grown_at
 from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, entered, range_at, sides_of
 from bfrt.grid.planes cimport Planes, Range, entered_by, rough_range
 from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
 from bfrt.grid.grid cimport Grid
-from bfrt.geometry.shape cimport Meeting, Shape, shape_bounds, shape_load, shape_meet
+from bfrt.geometry.shape cimport BoxHit, Shape, shape_bounds, shape_load, shape_meet
 from bfrt.geometry.vector cimport Vec, vec
 from bfrt.phases.all_hits cimport Found, cross, hand_over
 from bfrt.scan.deferred cimport (
-    Delays, ask_piece, delay, end_delays, full, piece_end, turn,
+    DeferredTests, ask_piece, delay, end_delays, full, piece_end, turn,
 )
 from bfrt.grid.nearby cimport Near, entries_within
 from bfrt.phases.nearest cimport nearer, ray_line
@@ -56,8 +56,8 @@ cdef struct Search:
     Sides sides
     Ray* rays
     void* scan             # a StreamScan
-    void* delays           # Delays, or NULL where geometry is at hand
-    GrownEight grown       # the boxes of the scan's block
+    void* deferred           # DeferredTests, or NULL where geometry is at hand
+    PaddedPacket grown       # the boxes of the scan's block
     Voxels voxels          # theirs
     Near near
     uint64_t id
@@ -71,7 +71,7 @@ cdef struct Search:
     double reach[LANES]        # of each its nearest hit so far
     Lanes lanes
     int pending
-    Meeting meetings[LANES]
+    BoxHit meetings[LANES]
     Found* found           # all hits are wanted, or NULL: the nearest
     int64_t box_tests
     int64_t object_tests
@@ -86,7 +86,7 @@ cdef inline void fetch_ray(const Search* s, uint32_t ray) noexcept nogil:
 cdef int meet_shape(Search* s, const Shape* shape, uint64_t id) except -1 nogil:
     """Intersect an object with the pending rays, and keep the nearest hits, or all."""
     cdef int i
-    cdef Meeting* m
+    cdef BoxHit* m
     cdef Ray* r
     s.object_tests += s.pending
     if s.found != NULL:
@@ -118,7 +118,7 @@ cdef int meet_pending(Search* s, StreamScan w) except -1 nogil:
     return meet_shape(s, &s.shape, s.id)
 
 
-cdef int load(Search* s, GeometryCursor g, Delays d, const Delayed* waits,
+cdef int load(Search* s, GeometryCursor g, DeferredTests d, const Delayed* waits,
               int64_t n) except -1 nogil:
     """Fetch the geometry that the first of n delayed rays waits for, and the box around it: that
     of the scan may be quantised."""
@@ -138,17 +138,17 @@ cdef int load(Search* s, GeometryCursor g, Delays d, const Delayed* waits,
     return 0
 
 
-cdef inline void meet_own_box(Search* s, Delays d, uint32_t ray) noexcept nogil:
+cdef inline void meet_own_box(Search* s, DeferredTests d, uint32_t ray) noexcept nogil:
     """Make a delayed ray pending if it meets its object's own box, not only the quantised."""
     cdef const Ray* r = &s.rays[ray]
-    cdef Meeting* m = &s.meetings[s.pending]
+    cdef BoxHit* m = &s.meetings[s.pending]
     m.line = ray_line(r)
     m.mark = ray
     if not d.degenerate and grown_span(&d.own, &m.line, &m.span):
         s.pending += m.span.near <= atomic_load(&r.t)
 
 
-cdef int settle_half(Search* s, GeometryCursor g, Delays d, int half) except -1 nogil:
+cdef int settle_half(Search* s, GeometryCursor g, DeferredTests d, int half) except -1 nogil:
     """Find the hits of the rays that wait in a half. An object may be the last of the other, too.
     """
     cdef const Delayed* waits = &d.halves[half, 0]
@@ -165,7 +165,7 @@ cdef int settle_half(Search* s, GeometryCursor g, Delays d, int half) except -1 
     return 0
 
 
-cdef int put_off(Search* s, StreamScan w, Delays d, uint32_t ray) except -1 nogil:
+cdef int put_off(Search* s, StreamScan w, DeferredTests d, uint32_t ray) except -1 nogil:
     """Have a ray that met the box wait for the object's geometry."""
     cdef int64_t first = w.boxes.first + s.place
     cdef uint32_t count = 1
@@ -184,9 +184,9 @@ cdef inline int wait_for(Search* s, StreamScan w, uint32_t ray, Vec inv, double 
                          double far) except -1 nogil:
     """Have a ray that met the box wait for the object."""
     cdef const Ray* r = &s.rays[ray]
-    cdef Meeting* m
-    if s.delays != NULL:
-        return put_off(s, w, <Delays>s.delays, ray)
+    cdef BoxHit* m
+    if s.deferred != NULL:
+        return put_off(s, w, <DeferredTests>s.deferred, ray)
     if s.pending == LANES:
         meet_pending(s, w)
     m = &s.meetings[s.pending]
@@ -363,7 +363,7 @@ cdef class Intersector:
     cdef Found found
     cdef Grid grid
     cdef VoxelRays voxel_rays
-    cdef Delays delays
+    cdef DeferredTests deferred
     cdef Ray[::1] rays
     cdef Crossing[::1] crossings
     cdef object emit
@@ -371,7 +371,7 @@ cdef class Intersector:
     def __cinit__(self, Grid grid, VoxelRays voxel_rays):
         self.grid = grid
         self.voxel_rays = voxel_rays
-        self.delays = Delays()
+        self.deferred = DeferredTests()
         self.search.planes = &grid.planes
         sides_of(self.search.planes, &self.search.sides)
 
@@ -423,7 +423,7 @@ cdef class Intersector:
         if b.coded and parents is None:
             raise ValueError("quantised boxes: found no boxes around them")
         s.scan = <void*>scan
-        s.delays = <void*>self.delays if scan.deferred else NULL
+        s.deferred = <void*>self.deferred if scan.deferred else NULL
         with nogil:
             for k in range(ranges.shape[0]):
                 if b.coded:
@@ -439,10 +439,10 @@ cdef class Intersector:
         cdef GeometryCursor g = scan.geometry
         with nogil:
             if scan.deferred:
-                ask_piece(self.delays, g.reader)
-                settle_half(s, g, self.delays, 1 - self.delays.half)
-                settle_half(s, g, self.delays, self.delays.half)
-                end_delays(self.delays)
+                ask_piece(self.deferred, g.reader)
+                settle_half(s, g, self.deferred, 1 - self.deferred.half)
+                settle_half(s, g, self.deferred, self.deferred.half)
+                end_delays(self.deferred)
             if s.found != NULL:
                 hand_over(s.found)
 

@@ -159,7 +159,7 @@ cdef class Shader:
         if material >= self.palette.shape[0]:
             with gil:
                 raise StoreError(
-                    f"{g.reader.tape.path}: found material {material}, "
+                    f"{g.reader.file.path}: found material {material}, "
                     f"expected one of {len(self.palette)}"
                 )
         shape_load(g.kind, record, count, &g.frame, &shape)

@@ -48,7 +48,7 @@ class RayPool:
         self, first: int, last: int, slabs: Slabs, voxel_rays: VoxelRays
     ) -> tuple[int, int, int]: ...
     def close_up(self, firsts: NDArray[np.int64], counts: NDArray[np.int64], end: int) -> int: ...
-    def settle(
+    def retire(
         self,
         first: int,
         last: int,

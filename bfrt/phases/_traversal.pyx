@@ -408,7 +408,7 @@ cdef class RayPool:
                 memmove(&self.order[end], &self.order[firsts[i]], counts[i] * sizeof(uint32_t))
         return end
 
-    def settle(self, int64_t first, int64_t last, Grid grid, Film film,
+    def retire(self, int64_t first, int64_t last, Grid grid, Film film,
                const double[::1] background, Hit[::1] hits):
         """Let complete rays of a part go, and close its ranks.
 

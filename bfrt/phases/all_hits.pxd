@@ -2,7 +2,7 @@
 
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from bfrt.geometry.shape cimport Meeting, Shape, shape_crossings
+from bfrt.geometry.shape cimport BoxHit, Shape, shape_crossings
 from bfrt.records cimport Crossing
 
 # One thread's crossings; `emit` is a Python callable, which the caller keeps alive.
@@ -22,7 +22,7 @@ cdef inline int hand_over(Found* f) except -1 nogil:
     return 0
 
 
-cdef inline int cross(Found* f, const Shape* s, const Meeting* m, double end,
+cdef inline int cross(Found* f, const Shape* s, const BoxHit* m, double end,
                       uint64_t id) except -1 nogil:
     """Find where a ray, of which a meeting tells, crosses an object before its end."""
     cdef double t[2]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bfrt.records import CROSSING, LINE, QUERY_PATH, QUERY_RAY, RAY, plain
 
-#: Crossings that a thread gathers before it hands them over.
+#: AllHits that a thread gathers before it hands them over.
 ROOM = 4096
 
 #: A query's ray by what is copied at once.
@@ -32,7 +32,7 @@ LINE_OF_RAY = np.dtype(
 Buffer = tuple[NDArray[Any], Callable[[int], None]]
 
 
-class Crossings:
+class AllHits:
     """Takes all hits of the rays in flight, in place of the nearest of each.
 
     Parameters

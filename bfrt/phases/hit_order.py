@@ -15,7 +15,7 @@ from bfrt.records import NO_HIT, plain
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import PickedObjects
 from bfrt.store.store import Stream
-from bfrt.streams.bucket_sort import gathered, parted
+from bfrt.streams.bucket_sort import buckets_of, gathered
 from bfrt.streams.spool import Spool
 
 
@@ -74,7 +74,7 @@ def by_object(
         counts = np.zeros(1 + max(stream.number for stream in streams), np.int64)
         counts[[stream.number for stream in streams]] = [stream.count for stream in streams]
         ends = np.cumsum(counts)
-        parts = parted(
+        parts = buckets_of(
             hits, partial(_places, begins=ends - counts), 0, int(ends[-1]), room, once=True
         )
     load = np.empty(min(room, len(hits)), hits.dtype)

@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Span, box_span
-from bfrt.geometry.shape cimport Meeting, Shape, shape_meet
+from bfrt.geometry.shape cimport BoxHit, Shape, shape_meet
 from bfrt.geometry.vector cimport Line
 from bfrt.phases.nearest cimport nearer
 from bfrt.records cimport Ray
@@ -23,7 +23,7 @@ cdef class Outliers:
 cdef inline void meet_outliers(Outliers self, Ray* ray, const Line* line, double grow,
                                int64_t* box_tests, int64_t* object_tests) noexcept nogil:
     """Test a ray against each of them."""
-    cdef Meeting m
+    cdef BoxHit m
     cdef int i
     m.line = line[0]
     for i in range(self.count):

@@ -10,7 +10,7 @@ from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.geometry.box cimport box_span
-from bfrt.geometry.shape cimport Meeting, shape_bounds, shape_load
+from bfrt.geometry.shape cimport BoxHit, shape_bounds, shape_load
 from bfrt.phases.all_hits cimport Found, cross, hand_over
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.records cimport Crossing, Ray
@@ -82,7 +82,7 @@ def cross_outliers(Outliers outliers, const Ray[::1] rays, int64_t first, int64_
     box_tests, object_tests : int
     """
     cdef Found found
-    cdef Meeting m
+    cdef BoxHit m
     cdef const Outlier* out
     cdef int64_t i, box_tests = 0, object_tests = 0
     cdef int k

@@ -18,7 +18,7 @@ from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.image.film import Film
 from bfrt.phases._intersection import Intersector
 from bfrt.phases._traversal import RayPool
-from bfrt.phases.all_hits import Crossings
+from bfrt.phases.all_hits import AllHits
 from bfrt.phases.outliers import Outliers, cross_outliers
 from bfrt.records import CANDIDATE_BYTES, HIT, PATH_BYTES, RAY_BYTES
 from bfrt.stats import Counters
@@ -80,7 +80,7 @@ class Ground(NamedTuple):
     outliers: Outliers
 
 
-class Ends(NamedTuple):
+class Sinks(NamedTuple):
     """Says where complete rays go.
 
     Attributes
@@ -128,7 +128,7 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
 
 
 class Flight:
-    """Moves rays in flight: admits, walks and settles them.
+    """Moves rays in flight: admits, walks and retires them.
 
     Parameters
     ----------
@@ -144,19 +144,19 @@ class Flight:
         The memory.
     bad : int
         Rays so far that were NaN, infinite or without direction.
-    crossings : Crossings, optional
+    crossings : AllHits, optional
         The receiver of all hits of each ray, if not only the nearest is wanted.
     """
 
     def __init__(self, capacity: int, candidates: int, workers: Workers) -> None:
         self.pool = RayPool(capacity, candidates)
-        self.crossings: Crossings | None = None
+        self.crossings: AllHits | None = None
         self.bad = 0
         self._least = FIRST_QUOTA
         self._workers = workers
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
 
-    def begin(self, crossings: Crossings | None) -> None:
+    def begin(self, crossings: AllHits | None) -> None:
         """Begin with a queue of rays, whose nearest hits are wanted, or all."""
         self.crossings = crossings
         if crossings is not None:
@@ -179,7 +179,7 @@ class Flight:
         """Return the number of rays in flight."""
         return self.pool.active
 
-    def admit(self, queue: Queue, ends: Ends, counters: Counters) -> int:
+    def admit(self, queue: Queue, sinks: Sinks, counters: Counters) -> int:
         """Fill memory from the queue; rays without a candidate are finished, and counted here."""
         pool, finished = self.pool, 0
         if len(queue):
@@ -191,7 +191,7 @@ class Flight:
             while several and len(queue) and pool.active < pool.capacity:
                 self._enter(queue, counters)
             self._walk(base, 0, counters)
-            finished += self.settle(ends, counters, base)
+            finished += self.retire(sinks, counters, base)
             if several and pool.active > FULL * pool.capacity:
                 break
         return finished
@@ -281,19 +281,19 @@ class Flight:
         carried = end - pool.close_up(firsts, counts, end)
         return carried, min(nearest for nearest, _ in tallies)
 
-    def settle(self, ends: Ends, counters: Counters, base: int = 0) -> int:
+    def retire(self, sinks: Sinks, counters: Counters, base: int = 0) -> int:
         """Let complete rays go, from `base` on; return how many of them are finished."""
         pool = self.pool
         before = pool.active
-        film = ends.film if ends.last else None
+        film = sinks.film if sinks.last else None
         parts: list[tuple[int, int]] = []
         tallies: list[tuple[int, int]] = []
 
         def chunk(worker: int, first: int, last: int) -> None:
             found = self._hits[worker]
             first, last = base + first, base + last
-            kept, n, eye_hits = pool.settle(first, last, self.grid, film, ends.background, found)
-            ends.hits.append(found[:n])
+            kept, n, eye_hits = pool.retire(first, last, self.grid, film, sinks.background, found)
+            sinks.hits.append(found[:n])
             parts.append((first, kept))
             tallies.append((n, eye_hits))
 
@@ -303,5 +303,5 @@ class Flight:
         if parts:
             firsts, counts = np.array(sorted(parts), np.int64).T.copy()
             pool.compact(base, firsts, counts)
-        passed = 0 if ends.last else sum(n for n, _ in tallies)
+        passed = 0 if sinks.last else sum(n for n, _ in tallies)
         return before - pool.active - passed

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from bfrt.errors import SettingError
 from bfrt.records import plain
 from bfrt.store.store import HEADER
-from bfrt.streams.atomic_write import aside, refused
-from bfrt.streams.bucket_sort import gathered, parted
+from bfrt.streams.atomic_write import atomic_path, refused
+from bfrt.streams.bucket_sort import buckets_of, gathered
 from bfrt.streams.spool import Spool
 
 #: Rows of an answer that are put together at once.
@@ -32,7 +32,7 @@ def ordered(records: Spool, rays: int, room: int) -> Iterator[NDArray[Any]]:
     Records have a ``number``; those that have ``t`` and ``key`` are sorted by these then. No more
     than `room` of them are in memory at once, unless they are one ray's.
     """
-    for part in parted(records, _numbers, 0, rays, room):
+    for part in buckets_of(records, _numbers, 0, rays, room):
         yield _sorted(gathered(part, len(part)))
 
 
@@ -159,7 +159,7 @@ class Columns:
             except OSError as error:
                 raise refused(self._folder, 0, error, "creating") from error
             for key, (shape, dtype) in self._shapes.items():
-                path = self._stack.enter_context(aside(self._folder / f"{key}.npy"))
+                path = self._stack.enter_context(atomic_path(self._folder / f"{key}.npy"))
                 file = self._stack.enter_context(path.open("wb"))
                 descr = npy.dtype_to_descr(np.dtype(dtype))
                 header = {"descr": descr, "fortran_order": False, "shape": shape}

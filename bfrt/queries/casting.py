@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.budget import Capacities
 from bfrt.errors import SettingError
 from bfrt.ids import index_of, stream_of
-from bfrt.phases.all_hits import Crossings
+from bfrt.phases.all_hits import AllHits
 from bfrt.phases.hit_order import by_object, hits_of, picked
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries._rays import surfaces
@@ -160,9 +160,7 @@ class Asking:
         self._report = report
         self._start = time.perf_counter()
 
-    def trace(
-        self, take: Callable[[NDArray[Any]], None], crossings: Crossings | None = None
-    ) -> None:
+    def trace(self, take: Callable[[NDArray[Any]], None], crossings: AllHits | None = None) -> None:
         """Take all rays through the scene; `take` gets them as they are complete."""
         self.tracer.begin(self.stats)
         with self.stats.depth(1) as counters:
@@ -234,7 +232,7 @@ def count_hits(sessions: Sessions, question: Question, settings: Settings) -> An
         asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
         with Answers(asking, COUNTED, fitting(asking.plan, known).queue) as answers:
             asking.trace(
-                lambda some: answers.append(_fields(some[some["count"] > 0], COUNTED)), Crossings()
+                lambda some: answers.append(_fields(some[some["count"] > 0], COUNTED)), AllHits()
             )
             none = np.zeros(1, COUNTED)
             with Columns(COUNTS, asking.queue.taken, question.out) as columns:
@@ -251,9 +249,7 @@ def list_hits(sessions: Sessions, question: Question, settings: Settings) -> Ans
         asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
         with Answers(asking, ANSWER, asking.plan.queue) as answers:
             with closing(asking.spool(HIT, asking.plan.hits)) as hits:
-                asking.trace(
-                    lambda some: None, Crossings(lambda asked: hits.append(asked.view(HIT)))
-                )
+                asking.trace(lambda some: None, AllHits(lambda asked: hits.append(asked.view(HIT))))
                 _resolve(asking, hits, answers.append)
             arrays = _listed(answers, asking.queue.taken, folder)
         return asking.answer(arrays)

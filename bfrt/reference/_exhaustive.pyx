@@ -6,7 +6,7 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 from bfrt.geometry.box cimport Box, box_span
 from bfrt.geometry.far cimport Bounds, advance_far, bounds_of, scale_extreme
 from bfrt.geometry.shape cimport (
-    Meeting, Shape, shape_bounds, shape_crossings, shape_load, shape_meet,
+    BoxHit, Shape, shape_bounds, shape_crossings, shape_load, shape_meet,
 )
 from bfrt.geometry.vector cimport Line, Vec, line, vec
 from bfrt.phases.nearest cimport ray_bad
@@ -24,7 +24,7 @@ cdef struct Nearest:
     uint64_t* id
 
 
-cdef inline void settle(const Meeting* met, int n, uint64_t id, Nearest* nearest) noexcept nogil:
+cdef inline void settle(const BoxHit* met, int n, uint64_t id, Nearest* nearest) noexcept nogil:
     """Take each hit whose (t, id) is less than its ray's."""
     cdef int i
     cdef uint32_t ray
@@ -126,7 +126,7 @@ def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ray
     t, ids : (m,) float64, uint64
         IN, OUT: the least (t, id) of each.
     """
-    cdef Meeting met[TOGETHER]
+    cdef BoxHit met[TOGETHER]
     cdef const Line* ray
     cdef Nearest nearest
     cdef Shape shape
@@ -174,7 +174,7 @@ def cross(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ra
         OUT. Which ray, t, id.
     """
     cdef const Line* ray
-    cdef Meeting m
+    cdef BoxHit m
     cdef Shape shape
     cdef Box box
     cdef double t[2]

@@ -7,13 +7,15 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.packet cimport Eight, GrownEight, eight_grow, eight_of, eight_span, eight_union
+from bfrt.geometry.packet cimport (
+    BoxPacket, PaddedPacket, eight_grow, eight_of, eight_span, eight_union,
+)
 from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, entered, sides_of
 from bfrt.grid.grid cimport Grid
 from bfrt.geometry.power cimport power as core_power
 from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.shape cimport (
-    Meeting, Shape, Surface, shape_bounds, shape_crossings, shape_load, shape_meet, shape_surface,
+    BoxHit, Shape, Surface, shape_bounds, shape_crossings, shape_load, shape_meet, shape_surface,
 )
 from bfrt.geometry.sphere cimport sphere_boxes as core_sphere_boxes, sphere_union
 from bfrt.geometry.vector cimport Line, Vec, line, vec
@@ -94,8 +96,8 @@ def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] 
     cdef double[:, :, ::1] out = np.empty((origins.shape[0], 2, 8))
     cdef uint8_t[::1] met = np.empty(origins.shape[0], np.uint8)
     cdef double inv[3]
-    cdef Eight eight
-    cdef GrownEight grown
+    cdef BoxPacket eight
+    cdef PaddedPacket grown
     cdef int64_t i
     eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
     eight_grow(&eight, grow, &grown)
@@ -122,7 +124,7 @@ def voxels_of_eight(const float[:, ::1] boxes, Grid grid):
     """
     cdef int[:, ::1] out = np.empty((6, 8), np.int32)
     cdef float[::1] around = np.empty(6, np.float32)
-    cdef Eight eight
+    cdef BoxPacket eight
     cdef Sides sides
     eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
     eight_union(&eight, &around[0])
@@ -151,7 +153,7 @@ def decoded_eight(const float[::1] parent, const uint8_t[:, ::1] codes):
     cdef Coding coding
     cdef int n = <int>codes.shape[0]
     coding_in(<const Box*>&parent[0], &coding)
-    eight_decoded(&coding, &codes[0, 0], n, <Eight*>&out[0, 0])
+    eight_decoded(&coding, &codes[0, 0], n, <BoxPacket*>&out[0, 0])
     coded_union(&coding, &codes[0, 0], n, &around[0])
     return np.asarray(out).T, np.asarray(around)
 
@@ -203,7 +205,7 @@ def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
     cdef int n = <int>records.shape[0]
     frame.wide = wide
     frame.origin = vec(origin[0], origin[1], origin[2])
-    core_sphere_boxes(&records[0, 0], records.shape[1], &frame, n, <Eight*>&out[0, 0])
+    core_sphere_boxes(&records[0, 0], records.shape[1], &frame, n, <BoxPacket*>&out[0, 0])
     sphere_union(&records[0, 0], records.shape[1], &frame, n, <Box*>&around[0])
     return np.ascontiguousarray(np.asarray(out).T), np.asarray(around)
 
@@ -237,7 +239,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     cdef Frame frame
     cdef Shape shape
     cdef Box b
-    cdef Meeting m
+    cdef BoxHit m
     cdef Surface s
     cdef int64_t i
     cdef int k

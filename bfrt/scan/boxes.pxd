@@ -12,7 +12,7 @@ from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.packet cimport BOXES, Eight, eight_clear, eight_of, eight_union
+from bfrt.geometry.packet cimport BOXES, BoxPacket, eight_clear, eight_of, eight_union
 from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
 from bfrt.geometry.sphere cimport sphere_boxes, sphere_union
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES
@@ -41,7 +41,7 @@ cdef class BoxCursor:
     cdef uint32_t ends[BOXES + 1]   # polygons: where each begins, in vertices, and the last ends
     cdef const unsigned char* records   # of spheres
     cdef const uint8_t* codes   # of quantised boxes
-    cdef Eight eight        # the boxes, once `decode` was called
+    cdef BoxPacket eight        # the boxes, once `decode` was called
 
     cpdef int window(self, int64_t first, int64_t last) except -1
 

@@ -98,7 +98,7 @@ cdef class BoxCursor:
         if self.offsets is not None:
             self.vertex = 0
             if first:
-                single = Reader(self.offsets.tape, OFFSET_BYTES)
+                single = Reader(self.offsets.file, OFFSET_BYTES)
                 single.window((first - 1) * OFFSET_BYTES, first * OFFSET_BYTES)
                 self.vertex = (<const uint32_t*>take(single, OFFSET_BYTES))[0]
             self.offsets.window(first * OFFSET_BYTES, last * OFFSET_BYTES)

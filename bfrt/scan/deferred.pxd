@@ -23,7 +23,7 @@ cdef enum:
     PIECE = 1 << 18       # and at once
 
 
-cdef class Delays:
+cdef class DeferredTests:
     cdef Delayed[:, ::1] halves
     cdef int64_t count[2]
     cdef int half         # that is filled
@@ -37,11 +37,11 @@ cdef class Delays:
     cdef int64_t known    # the end of the records that are being read
 
 
-cdef inline bint full(Delays d) noexcept nogil:
+cdef inline bint full(DeferredTests d) noexcept nogil:
     return d.count[d.half] == HALF or d.asked >= UNDER_WAY
 
 
-cdef inline void delay(Delays d, Reader geometry, int64_t size, uint64_t id, int64_t first,
+cdef inline void delay(DeferredTests d, Reader geometry, int64_t size, uint64_t id, int64_t first,
                        uint32_t count, uint32_t ray) noexcept nogil:
     """Have a ray wait for an object: `count` records of `size` bytes, behind all before."""
     cdef Delayed* wait = &d.halves[d.half, d.count[d.half]]
@@ -50,7 +50,8 @@ cdef inline void delay(Delays d, Reader geometry, int64_t size, uint64_t id, int
     grow_piece(d, geometry, first * size, (first + count) * size)
 
 
-cdef inline void grow_piece(Delays d, Reader geometry, int64_t begin, int64_t end) noexcept nogil:
+cdef inline void grow_piece(DeferredTests d, Reader geometry, int64_t begin,
+                            int64_t end) noexcept nogil:
     cdef bint near = begin <= d.end + geometry.gap
     if not near or d.end - d.begin >= PIECE:
         ask_piece(d, geometry)
@@ -59,7 +60,7 @@ cdef inline void grow_piece(Delays d, Reader geometry, int64_t begin, int64_t en
         d.end = end
 
 
-cdef inline void ask_piece(Delays d, Reader geometry) noexcept nogil:
+cdef inline void ask_piece(DeferredTests d, Reader geometry) noexcept nogil:
     """Ask for the piece that grows; the next record begins another."""
     if d.end > d.begin:
         geometry.ask(d.begin, d.end)
@@ -67,13 +68,13 @@ cdef inline void ask_piece(Delays d, Reader geometry) noexcept nogil:
     d.begin = d.end
 
 
-cdef inline void turn(Delays d) noexcept nogil:
+cdef inline void turn(DeferredTests d) noexcept nogil:
     """Begin to fill the other half, which has been settled."""
     d.half = 1 - d.half
     d.count[d.half] = d.asked = 0
 
 
-cdef inline void end_delays(Delays d) noexcept nogil:
+cdef inline void end_delays(DeferredTests d) noexcept nogil:
     """End a sweep whose delays are all settled, to be ready for another."""
     d.count[0] = d.count[1] = d.half = 0
     d.begin = d.end = d.asked = d.known = 0

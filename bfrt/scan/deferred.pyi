@@ -1,4 +1,4 @@
 DELAYS_BYTES: int
 
-class Delays:
+class DeferredTests:
     def __init__(self) -> None: ...

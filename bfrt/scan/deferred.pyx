@@ -11,7 +11,7 @@ DELAYS_BYTES = 2 * HALF * DELAYED_BYTES
 
 
 @cython.final
-cdef class Delays:
+cdef class DeferredTests:
     """Holds one worker's rays that wait for geometry, between the calls of a sweep."""
 
     def __cinit__(self):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bfrt.store.store import Stream
-from bfrt.streams.reader import Reader, Tape
+from bfrt.streams.reader import Reader, SharedFile
 
 
 class StreamFiles:
@@ -19,12 +19,12 @@ class StreamFiles:
     def __init__(self, stream: Stream, lazy: bool) -> None:
         self.lazy = lazy
         self._stream = stream
-        self._files: dict[str, Tape] = {}
+        self._files: dict[str, SharedFile] = {}
 
     def reader(self, name: str, capacity: int) -> Reader:
         """Return a reader of a file, with a buffer of `capacity` bytes."""
         if name not in self._files:
-            self._files[name] = Tape(self._stream.path(name), self.lazy)
+            self._files[name] = SharedFile(self._stream.path(name), self.lazy)
         return Reader(self._files[name], capacity, self.lazy)
 
     def counts(self) -> tuple[int, int]:

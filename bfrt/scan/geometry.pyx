@@ -57,7 +57,7 @@ cdef class GeometryCursor:
         self.vertex = 0
         self.asked = asked
         if asked:
-            self.reader.window(0, self.reader.tape.size)
+            self.reader.window(0, self.reader.file.size)
 
     cpdef int window(self, int64_t first, int64_t last) except -1:
         """Go forward to object `first`, to read in order up to `last` (exclusive).
@@ -79,9 +79,9 @@ cdef class GeometryCursor:
         """Go forward to the offset of polygon `first`; return where those up to `last` begin and
         end, in vertices."""
         cdef int64_t begin = self.end_of(first - 1), end = self.end_of(last - 1)
-        if begin > end or end * self.stride > self.reader.tape.size:
+        if begin > end or end * self.stride > self.reader.file.size:
             raise StoreError(
-                f"{self.offsets.tape.path}: objects {first} to {last}: found vertices "
+                f"{self.offsets.file.path}: objects {first} to {last}: found vertices "
                 f"{begin} to {end}, expected ascending ones that are there"
             )
         self.offsets.window(first * OFFSET_BYTES, last * OFFSET_BYTES)
@@ -93,7 +93,7 @@ cdef class GeometryCursor:
         cdef Reader single
         if index < 0:
             return 0
-        single = Reader(self.offsets.tape, OFFSET_BYTES)
+        single = Reader(self.offsets.file, OFFSET_BYTES)
         single.window(index * OFFSET_BYTES, (index + 1) * OFFSET_BYTES)
         return (<const uint32_t*>take(single, OFFSET_BYTES))[0]
 
@@ -150,7 +150,7 @@ cdef class GeometryCursor:
         """Raise for polygons whose ends do not ascend: the reader would have to go back."""
         with gil:
             raise StoreError(
-                f"{self.offsets.tape.path}: before object {self.index}: found a polygon that "
+                f"{self.offsets.file.path}: before object {self.index}: found a polygon that "
                 f"begins at vertex {vertex}, expected {self.at} or more"
             )
 

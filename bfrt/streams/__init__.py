@@ -2,10 +2,10 @@
 
 ::
 
-    records ─► FileWriter ─► file ─► Tape ─► Reader ─► records     in order, seeking forwards only
-    records ─► Spool: memory, then a file without a name ─► records   first in, first out
+    records ─► FileWriter ─► file ─► SharedFile ─► Reader ─► records   in order, forwards only
+    records ─► Spool: memory, then a file without a name ─► records    first in, first out
                  └── bucket_sort ─► spools by ranges of a number
-    content ─► aside: a temporary file ─► the file's name             whole or not at all
+    content ─► atomic_path: a temporary file ─► the file's name        whole or not at all
 
 All raise `StreamError` with file and offset for what the system refuses, and count bytes and seeks.
 """

@@ -28,7 +28,7 @@ UNSYNCED = (errno.EINVAL, errno.EBADF, errno.EACCES)
 
 
 @contextlib.contextmanager
-def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary path to write to, which becomes `path` when the block ends well.
 
     Parameters

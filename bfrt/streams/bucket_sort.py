@@ -18,7 +18,7 @@ PARTS = 64
 Numbers = Callable[[Records], NDArray[np.int64]]
 
 
-def parted(
+def buckets_of(
     records: Spool, numbers: Numbers, first: int, last: int, room: int, *, once: bool = False
 ) -> Iterator[Spool]:
     """Yield all records in spools, one after another, by ascending ranges of their numbers.
@@ -52,7 +52,7 @@ def parted(
             if once and len(part):
                 yield part
             elif not once:
-                yield from parted(part, numbers, begin, min(last, begin + width), room)
+                yield from buckets_of(part, numbers, begin, min(last, begin + width), room)
             part.clear()
     finally:
         for part in parts:

@@ -10,7 +10,7 @@
 from libc.stdint cimport int64_t
 
 
-cdef class Tape:
+cdef class SharedFile:
     """Holds an open file that several readers share, and counts what they read."""
 
     cdef readonly object path
@@ -35,8 +35,8 @@ cdef class Reader:
     cdef int64_t position
     cdef int64_t stop
     cdef int64_t wanted    # reads end here, where so much of the window is known to be wanted
-    cdef int fd            # of the tape's, the one that is read
-    cdef readonly Tape tape
+    cdef int fd            # of the file's, the one that is read
+    cdef readonly SharedFile file
 
     cpdef int expect(self, bint asked) except -1
     cpdef int window(self, int64_t begin, int64_t stop) except -1

@@ -52,7 +52,7 @@ cdef enum:
 
 
 @cython.final
-cdef class Tape:
+cdef class SharedFile:
     """Opens a file for readers.
 
     Parameters
@@ -96,11 +96,11 @@ cdef class Tape:
 
 @cython.final
 cdef class Reader:
-    """Reads a window of a tape, forwards.
+    """Reads a window of a file, forwards.
 
     Parameters
     ----------
-    tape : Tape
+    file : SharedFile
         The file.
     capacity : int
         Bytes of the buffer, rounded up to pages: at least the largest record.
@@ -109,9 +109,9 @@ cdef class Reader:
         buffer, as it should where everything is read.
     """
 
-    def __cinit__(self, Tape tape not None, size_t capacity, bint sparse=False):
-        self.tape = tape
-        self.fd = tape.fd
+    def __cinit__(self, SharedFile file not None, size_t capacity, bint sparse=False):
+        self.file = file
+        self.fd = file.fd
         self.capacity = (capacity + PAGE - 1) // PAGE * PAGE
         self.gap = GAP
         self.least = self.span = min(self.capacity, <size_t>GAP) if sparse else self.capacity
@@ -142,12 +142,12 @@ cdef class Reader:
         Raises
         ------
         ValueError
-            If the tape was not opened for requests.
+            If the file was not opened for requests.
         """
-        if asked and self.tape.asked_fd < 0:
-            raise ValueError(f"{self.tape.path}: found a tape that is only read in order")
+        if asked and self.file.asked_fd < 0:
+            raise ValueError(f"{self.file.path}: found a file that is only read in order")
         self.gap = ASKED_GAP if asked else GAP
-        self.fd = self.tape.asked_fd if asked else self.tape.fd
+        self.fd = self.file.asked_fd if asked else self.file.fd
         return 0
 
     cpdef int window(self, int64_t begin, int64_t stop) except -1:
@@ -159,9 +159,9 @@ cdef class Reader:
             If that is backwards, or outside the file as it was opened.
         """
         cdef int64_t now = self.position - (self.end - self.at)
-        if not now <= begin <= stop <= self.tape.size:
+        if not now <= begin <= stop <= self.file.size:
             raise ValueError(
-                f"{self.tape.path}: window [{begin}, {stop}) from {now} of {self.tape.size}: "
+                f"{self.file.path}: window [{begin}, {stop}) from {now} of {self.file.size}: "
                 "a reader goes forwards only, inside its file"
             )
         if begin <= self.position:
@@ -213,7 +213,7 @@ cdef class Reader:
         cdef const unsigned char* p
         if n > self.capacity or <int64_t>(n - left) > rest:
             with gil:
-                raise ShortReadError(self.tape.path, self.position - left, n, left + rest)
+                raise ShortReadError(self.file.path, self.position - left, n, left + rest)
         memmove(self.buffer, self.at, left)
         self.at = self.buffer
         self.end = self.buffer + left
@@ -222,8 +222,8 @@ cdef class Reader:
         if <int64_t>room > rest:
             room = rest
         self.span = min(self.capacity, 2 * self.span)
-        if self.tape.last_end != self.position:
-            atomic_add(&self.tape.seeks, 1)
+        if self.file.last_end != self.position:
+            atomic_add(&self.file.seeks, 1)
         while room > 0:
             room -= self.read_more(min(room, <size_t>MOST))
         rest = min(self.stop, self.wanted) - self.position
@@ -244,10 +244,10 @@ cdef class Reader:
                 continue
             with gil:
                 if got < 0:
-                    raise StreamError(self.tape.path, self.position, errno, "reading")
-                raise ShortReadError(self.tape.path, self.position, wanted, 0)
+                    raise StreamError(self.file.path, self.position, errno, "reading")
+                raise ShortReadError(self.file.path, self.position, wanted, 0)
         self.end += got
         self.position += got
-        self.tape.last_end = self.position
-        atomic_add(&self.tape.bytes_read, got)
+        self.file.last_end = self.position
+        atomic_add(&self.file.bytes_read, got)
         return got

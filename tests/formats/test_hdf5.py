@@ -19,7 +19,7 @@ from meshes import convert, expected, failure, objects_of, outcome, shapes_of
 from bfrt.errors import SettingError, ShortReadError, StreamError
 from bfrt.formats import arrays as arrays_module
 from bfrt.formats import trial
-from bfrt.formats.object_writer import Outlet
+from bfrt.formats.object_writer import ObjectWriter
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: bfrt[hdf5]")
 
@@ -656,11 +656,11 @@ def test_a_file_that_is_cut_while_it_is_read(file, monkeypatch, small_blocks):
     write(file, {"Coordinates": CENTERS})
     size = file.stat().st_size
 
-    def cut(outlet, *given, kept=Outlet.spheres):
-        kept(outlet, *given)
+    def cut(writer, *given, kept=ObjectWriter.spheres):
+        kept(writer, *given)
         os.truncate(file, size - 40)
 
-    monkeypatch.setattr(Outlet, "spheres", cut)
+    monkeypatch.setattr(ObjectWriter, "spheres", cut)
     said = f"asked for 40 bytes at byte {size - 40}, found 0: the file is truncated"
     assert failure(file, ShortReadError, radius=1) == said
 

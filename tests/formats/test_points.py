@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import NO_VALUE, STEPS, colormap, cubehelix, linear
-from bfrt.formats.object_writer import Outlet
+from bfrt.formats.object_writer import ObjectWriter
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import Reading
 from bfrt.records import Kind
@@ -67,9 +67,9 @@ class Given:
 def written(points, **asked):
     """The spheres, (n, 4), and the sink that took them."""
     sink = Sink()
-    outlet = Outlet(sink, points.name, Reading(**asked))
-    write_points(points, outlet)
-    outlet.report()
+    writer = ObjectWriter(sink, points.name, Reading(**asked))
+    write_points(points, writer)
+    writer.report()
     records = np.concatenate(sink.records) if sink.records else np.empty((0, 4))
     return records, sink
 

@@ -375,7 +375,7 @@ def test_rule_8_what_ties_is_met(tmp_path, monkeypatch):
     assert pool.in_flight["voxel"][0] == 3
     for t, left in ((4.0, 1), (np.nextafter(4.0, 3.0), 0)):
         film, hits = Film(1, 1, 1), np.zeros(1, HIT)
-        assert walker(t, 3, UP).settle(0, 1, grid, film, np.zeros(3), hits)[0] == left
+        assert walker(t, 3, UP).retire(0, 1, grid, film, np.zeros(3), hits)[0] == left
     # On its way in, too, when it has met an outlier.
     marks[:3] = 0
     for height, voxel in ((3.0, 3), (np.nextafter(np.float32(3.0), np.float32(0.0)), NOWHERE)):

@@ -23,7 +23,7 @@ from bfrt.grid.marks import (
     writing_marks,
 )
 from bfrt.store.writer import StoreWriter
-from bfrt.streams.reader import Reader, Tape
+from bfrt.streams.reader import Reader, SharedFile
 
 #: 3 layers of 1 row of 2 bricks.
 LAYOUT = Layout((13, 5, 20), 2)
@@ -104,13 +104,13 @@ def test_coded_bricks_are_read_back(tmp_path_factory, seed, n):
     assert size == sum(65 + k for k in others) and not coded[size:].any()
     path = tmp_path_factory.mktemp("coding") / "bricks"
     path.write_bytes(coded[:size].tobytes())
-    reader = Reader(Tape(path), 1)  # one page, which most bricks cross
+    reader = Reader(SharedFile(path), 1)  # one page, which most bricks cross
     reader.window(0, size)
     found = np.empty_like(bricks)
     decode(reader, found)
     np.testing.assert_array_equal(found, bricks)
     if size:
-        reader = Reader(Tape(path), 1)
+        reader = Reader(SharedFile(path), 1)
         reader.window(0, size - 1)
         with pytest.raises(ShortReadError):
             decode(reader, found)

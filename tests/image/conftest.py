@@ -11,7 +11,7 @@ import pytest
 from bfrt.image import exr, picture, png
 from bfrt.image.picture import Image
 from bfrt.records import NO_HIT
-from bfrt.streams.atomic_write import aside
+from bfrt.streams.atomic_write import atomic_path
 
 AWKWARD = np.array(
     [np.nan, np.inf, -np.inf, -0.0, -1.0, 1e-40, 65504.0, 65519.0, 65520.0, 3e38], np.float32
@@ -47,11 +47,11 @@ def full_disk(monkeypatch):
         pytest.skip("no /dev/full here")
 
     @contextlib.contextmanager
-    def aside_on_full(path):
-        with aside(path) as temporary:
+    def atomic_path_on_full(path):
+        with atomic_path(path) as temporary:
             temporary.unlink()
             temporary.symlink_to(full)
             yield temporary
 
     for module in (exr, png, picture):
-        monkeypatch.setattr(module, "aside", aside_on_full)
+        monkeypatch.setattr(module, "atomic_path", atomic_path_on_full)

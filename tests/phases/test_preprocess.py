@@ -26,7 +26,7 @@ from bfrt.settings import REFINEMENTS, Settings
 from bfrt.stats import Counters
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import open_store
-from bfrt.traced_group import Field
+from bfrt.traced_group import TracedGroup
 from bfrt.workers import Workers
 
 #: A voxel's bits that are marks.
@@ -74,7 +74,7 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
     workers = Workers(2)
     settings = Settings(0, 2, REFINEMENTS[refine], scratch=tmp_path)
     scans = GroupScans(store, group, 2, 4096, settings.refinement.lazy)
-    field = Field(store, group, settings, capacities.limits, scans, workers)
+    field = TracedGroup(store, group, settings, capacities.limits, scans, workers)
     field.preprocess(capacities.subspace, Counters(), fresh=True)
     workers.close()
     cut = partition_of(group, capacities.limits)

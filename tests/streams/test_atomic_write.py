@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bfrt.errors import DiskFullError, SettingError, StreamError
-from bfrt.streams.atomic_write import aside, put
+from bfrt.streams.atomic_write import atomic_path, put
 
 
 def names(folder):
@@ -19,7 +19,7 @@ def names(folder):
 
 def test_file_appears_at_the_end_only(tmp_path):
     target = tmp_path / "a.bin"
-    with aside(target) as temporary:
+    with atomic_path(target) as temporary:
         assert temporary.parent == tmp_path
         temporary.write_bytes(b"new")
         assert not target.exists()
@@ -31,7 +31,7 @@ def test_file_appears_at_the_end_only(tmp_path):
 def test_failure_leaves_the_old_file_and_nothing_else(tmp_path, error):
     target = tmp_path / "a.bin"
     target.write_bytes(b"old")
-    with pytest.raises(error), aside(target) as temporary:
+    with pytest.raises(error), atomic_path(target) as temporary:
         temporary.write_bytes(b"half")
         raise error
     assert target.read_bytes() == b"old"
@@ -39,7 +39,7 @@ def test_failure_leaves_the_old_file_and_nothing_else(tmp_path, error):
 
 
 def test_failure_after_the_temporary_file_is_gone_keeps_its_own_error(tmp_path):
-    with pytest.raises(RuntimeError, match="mine"), aside(tmp_path / "a.bin") as temporary:
+    with pytest.raises(RuntimeError, match="mine"), atomic_path(tmp_path / "a.bin") as temporary:
         temporary.unlink()
         raise RuntimeError("mine")
 
@@ -52,7 +52,7 @@ def test_file_and_folder_are_synced_in_this_order(tmp_path, monkeypatch):
         synced.append(("folder" if is_folder else "file", names(tmp_path)))
 
     monkeypatch.setattr(os, "fsync", record)
-    with aside(tmp_path / "a.bin") as temporary:
+    with atomic_path(tmp_path / "a.bin") as temporary:
         name = temporary.name
     assert synced[0] == ("file", [name])
     assert synced[1:] == ([("folder", ["a.bin"])] if hasattr(os, "O_DIRECTORY") else [])
@@ -63,31 +63,31 @@ def test_disk_full_at_sync(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "no")
 
     monkeypatch.setattr(os, "fsync", refuse)
-    with pytest.raises(DiskFullError), aside(tmp_path / "a.bin"):
+    with pytest.raises(DiskFullError), atomic_path(tmp_path / "a.bin"):
         pass
     assert names(tmp_path) == []
 
 
 def test_disk_full_found_at_close(tmp_path):
-    with pytest.raises(DiskFullError, match=r"a\.bin: writing"), aside(tmp_path / "a.bin"):
+    with pytest.raises(DiskFullError, match=r"a\.bin: writing"), atomic_path(tmp_path / "a.bin"):
         raise OSError(errno.ENOSPC, "no")
     assert names(tmp_path) == []
 
 
 def test_other_errors_of_the_block_stay_themselves(tmp_path):
-    with pytest.raises(FileNotFoundError), aside(tmp_path / "a.bin"):
+    with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "a.bin"):
         (tmp_path / "input").read_bytes()
 
 
 def test_refused_rename(tmp_path):
     target = tmp_path / "a.bin"
-    with pytest.raises(StreamError, match=r"a\.bin: renaming to it"), aside(target):
+    with pytest.raises(StreamError, match=r"a\.bin: renaming to it"), atomic_path(target):
         (target / "inside").mkdir(parents=True)
     assert names(tmp_path) == ["a.bin"]
 
 
 def test_folder_is_refused_before_the_work(tmp_path):
-    with pytest.raises(SettingError, match="expected a file or nothing"), aside(tmp_path):
+    with pytest.raises(SettingError, match="expected a file or nothing"), atomic_path(tmp_path):
         pytest.fail("the block ran")
 
 
@@ -95,14 +95,14 @@ def test_folder_is_refused_before_the_work(tmp_path):
 def test_pipe_is_refused_and_kept(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(SettingError), aside(pipe):
+    with pytest.raises(SettingError), atomic_path(pipe):
         pytest.fail("the block ran")
     assert pipe.is_fifo()
 
 
 def test_missing_folder(tmp_path):
     target = tmp_path / "none" / "a.bin"
-    with pytest.raises(StreamError, match="creating") as caught, aside(target):
+    with pytest.raises(StreamError, match="creating") as caught, atomic_path(target):
         pytest.fail("the block ran")
     assert caught.value.errno == errno.ENOENT
 
@@ -115,7 +115,7 @@ def test_link_stays_a_link(tmp_path):
         link.symlink_to(folder / "a.bin")
     except OSError:
         pytest.skip("no symbolic links here")
-    with aside(link) as temporary:
+    with atomic_path(link) as temporary:
         temporary.write_bytes(b"new")
     assert link.is_symlink()
     assert (folder / "a.bin").read_bytes() == b"new"
@@ -123,7 +123,7 @@ def test_link_stays_a_link(tmp_path):
 
 def test_longest_name(tmp_path):
     target = tmp_path / ("é" * 100 + ".bin")
-    with aside(target):
+    with atomic_path(target):
         pass
     assert names(tmp_path) == [target.name]
 
@@ -131,14 +131,14 @@ def test_longest_name(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="no permission bits here")
 def test_permissions_are_those_of_any_new_file(tmp_path):
     (tmp_path / "plain").write_bytes(b"")
-    with aside(tmp_path / "a.bin"):
+    with atomic_path(tmp_path / "a.bin"):
         pass
     assert (tmp_path / "a.bin").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
 def test_two_writers_of_one_file_do_not_meet(tmp_path):
     target = tmp_path / "a.bin"
-    with aside(target) as first, aside(target) as second:
+    with atomic_path(target) as first, atomic_path(target) as second:
         assert first != second
         first.write_bytes(b"first")
         second.write_bytes(b"second")

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.streams import bucket_sort
-from bfrt.streams.bucket_sort import gathered, parted
+from bfrt.streams.bucket_sort import buckets_of, gathered
 from bfrt.streams.spool import Spool
 
 RECORD = np.dtype([("number", "<i8"), ("order", "<i8")])
@@ -32,7 +32,7 @@ def spool_of(values, room, folder):
 
 def loads(spool, first, last, room):
     """The parts, as arrays; each is emptied, as callers do."""
-    for part in parted(spool, numbers, first, last, room):
+    for part in buckets_of(spool, numbers, first, last, room):
         yield gathered(part, len(part))
         assert len(part) == 0
 
@@ -63,7 +63,7 @@ def test_parts_ascend_and_fit(values, room, memory, parts):
 def test_parted_once(tmp_path, monkeypatch):
     monkeypatch.setattr(bucket_sort, "PARTS", 4)
     spool = spool_of([*range(40)] * 5, 0, tmp_path)
-    found = [gathered(part, 999) for part in parted(spool, numbers, 0, 40, 10, once=True)]
+    found = [gathered(part, 999) for part in buckets_of(spool, numbers, 0, 40, 10, once=True)]
     assert [len(part) for part in found] == [50] * 4
     assert [set(part["number"]) for part in found] == [
         {*range(first, first + 10)} for first in range(0, 40, 10)
@@ -74,7 +74,7 @@ def test_parted_once(tmp_path, monkeypatch):
 def test_what_fits_is_not_moved(tmp_path):
     spool = spool_of(range(10), 4, tmp_path)
     spool.counts()
-    assert [part is spool for part in parted(spool, numbers, 0, 10, 10)] == [True]
+    assert [part is spool for part in buckets_of(spool, numbers, 0, 10, 10)] == [True]
     assert spool.counts() == (0, 0, 0)
     spool.close()
 
@@ -93,7 +93,7 @@ def test_a_reader_that_stops_leaves_nothing_open(tmp_path, monkeypatch):
     beside = Spool.beside
     monkeypatch.setattr(Spool, "beside", lambda self: made.append(beside(self)) or made[-1])
     spool = spool_of(range(100), 0, tmp_path)
-    parts = parted(spool, numbers, 0, 100, 10)
+    parts = buckets_of(spool, numbers, 0, 100, 10)
     next(parts)
     parts.close()
     assert made and all(part._file is None for part in made)

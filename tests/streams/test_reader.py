@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.errors import ShortReadError, StreamError
-from bfrt.streams.reader import Reader, Tape
+from bfrt.streams.reader import Reader, SharedFile
 
 PAGE = 4096
 DATA = bytes(range(251)) * 140  # 8.6 pages; the period is no divisor of a page
@@ -26,8 +26,8 @@ def path(tmp_path_factory):
 
 
 def reader_of(path, capacity=PAGE, stop=None):
-    reader = Reader(Tape(path), capacity)
-    reader.window(0, reader.tape.size if stop is None else stop)
+    reader = Reader(SharedFile(path), capacity)
+    reader.window(0, reader.file.size if stop is None else stop)
     return reader
 
 
@@ -41,7 +41,7 @@ def windows(draw):
 
 @given(plan=windows(), capacity=st.sampled_from([1, PAGE, 2 * PAGE, 64 * PAGE]))
 def test_takes_and_skips_against_plain_bytes(path, plan, capacity):
-    reader = Reader(Tape(path), capacity)
+    reader = Reader(SharedFile(path), capacity)
     for begin, stop, sizes in plan:
         reader.window(begin, stop)
         at = begin
@@ -129,10 +129,10 @@ def test_a_file_truncated_after_opening(tmp_path):
 
 
 def test_a_refused_read(tmp_path):
-    tape = Tape(tmp_path)  # a folder opens, and is not read
-    if tape.size == 0:
+    file = SharedFile(tmp_path)  # a folder opens, and is not read
+    if file.size == 0:
         pytest.skip("folders have no size here")
-    reader = Reader(tape, PAGE)
+    reader = Reader(file, PAGE)
     reader.window(0, 1)
     with pytest.raises(StreamError, match="reading at byte 0") as caught:
         reader.read(1)
@@ -146,11 +146,11 @@ def test_a_read_that_the_device_fails(path):
         pytest.skip("no /proc/self/mem here")
     lowest = os.open(path, os.O_RDONLY)  # POSIX gives the lowest number that is free,
     os.close(lowest)
-    tape = Tape(path)  # so this one is the tape's
+    file = SharedFile(path)  # so this one is the file's
     failing = os.open(memory, os.O_RDONLY)
     os.dup2(failing, lowest)
     os.close(failing)
-    reader = Reader(tape, PAGE)
+    reader = Reader(file, PAGE)
     reader.window(0, 8)
     with pytest.raises(StreamError) as caught:
         reader.read(8)
@@ -160,14 +160,14 @@ def test_a_read_that_the_device_fails(path):
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(StreamError, match="opening at byte 0") as caught:
-        Tape(tmp_path / "none")
+        SharedFile(tmp_path / "none")
     assert caught.value.errno == errno.ENOENT
     assert caught.value.path == str(tmp_path / "none")
 
 
 def test_a_buffer_beyond_memory(path):
     with pytest.raises(MemoryError):
-        Reader(Tape(path), 1 << 62)
+        Reader(SharedFile(path), 1 << 62)
 
 
 def test_an_empty_file(tmp_path):
@@ -176,15 +176,15 @@ def test_an_empty_file(tmp_path):
     assert reader.read(0) == b""
     with pytest.raises(ShortReadError):
         reader.read(1)
-    assert reader.tape.counts() == (0, 0)
+    assert reader.file.counts() == (0, 0)
 
 
 def test_bytes_and_seeks_of_a_sweep_are_exact(path):
     reader = reader_of(path, PAGE)
     for at in range(0, len(DATA), 100):
         assert reader.read(min(100, len(DATA) - at)) == DATA[at : at + 100]
-    assert reader.tape.counts() == (len(DATA), 0)
-    assert reader.tape.counts() == (0, 0)
+    assert reader.file.counts() == (len(DATA), 0)
+    assert reader.file.counts() == (0, 0)
 
 
 def test_bytes_and_seeks_of_windows_are_exact(path):
@@ -201,36 +201,36 @@ def test_bytes_and_seeks_of_windows_are_exact(path):
     reader.rewind()
     reader.window(0, 1)
     reader.read(1)  # a seek
-    assert reader.tape.counts() == (10 + 20 + 7 + PAGE + 1, 2)
+    assert reader.file.counts() == (10 + 20 + 7 + PAGE + 1, 2)
 
 
-def test_readers_share_a_tape(path):
-    tape = Tape(path)
-    one, two = Reader(tape, PAGE), Reader(tape, PAGE)
+def test_readers_share_a_file(path):
+    file = SharedFile(path)
+    one, two = Reader(file, PAGE), Reader(file, PAGE)
     one.window(0, PAGE)
     two.window(PAGE, 2 * PAGE)
     assert one.read(10) == DATA[:10]
     assert two.read(10) == DATA[PAGE : PAGE + 10]  # goes on where the other ended
     assert one.read(10) == DATA[10:20]  # neither moves the other
     assert two.read(10) == DATA[PAGE + 10 : PAGE + 20]
-    assert tape.counts() == (2 * PAGE, 0)
-    assert one.tape is two.tape is tape
+    assert file.counts() == (2 * PAGE, 0)
+    assert one.file is two.file is file
 
 
-def test_a_tape_closes_its_file(path):
+def test_a_shared_file_is_closed(path):
     lowest = [os.open(path, os.O_RDONLY) for _ in range(2)]
     for descriptor in lowest:
         os.close(descriptor)
-    tape = Tape(path, asked=True)
+    file = SharedFile(path, asked=True)
     assert [os.fstat(descriptor).st_size for descriptor in lowest] == 2 * [len(DATA)]
-    del tape
+    del file
     for descriptor in lowest:
         with pytest.raises(OSError, match=r"[Bb]ad file"):
             os.fstat(descriptor)
 
 
 def test_what_is_asked_for_is_the_same_file(path):
-    reader = Reader(Tape(path, asked=True), PAGE)
+    reader = Reader(SharedFile(path, asked=True), PAGE)
     reader.rewind(asked=True)
     reader.window(0, len(DATA))
     assert reader.read(PAGE) == DATA[:PAGE]
@@ -240,9 +240,9 @@ def test_what_is_asked_for_is_the_same_file(path):
     assert reader.read(PAGE) == DATA[PAGE + 10 : 2 * PAGE + 10]
 
 
-def test_a_tape_that_is_read_in_order(path):
+def test_a_file_that_is_read_in_order(path):
     reader = reader_of(path)
-    with pytest.raises(ValueError, match=f"{path.name}: found a tape that is only read in order"):
+    with pytest.raises(ValueError, match=f"{path.name}: found a file that is only read in order"):
         reader.rewind(asked=True)
 
 
