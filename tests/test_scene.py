@@ -6,6 +6,7 @@ import copy
 import gc
 import inspect
 import multiprocessing
+import operator
 import pickle
 import threading
 import time
@@ -470,10 +471,6 @@ def test_a_copy_prepares_for_itself(scene, rays, expected, copied):
     same(scene.cast_rays(*rays, **MEMORY), expected["cast_rays"])
 
 
-def hits_of(scene, rays):
-    return dict(scene.cast_rays(*rays, **MEMORY))
-
-
 @pytest.mark.parametrize("way", ["fork", "spawn"])
 def test_another_process_asks(scene, rays, expected, way):
     """A process that was forked has the scene, but none of the threads."""
@@ -481,8 +478,9 @@ def test_another_process_asks(scene, rays, expected, way):
         pytest.skip(f"no {way} here")
     many = tuple(np.tile(part, (40, 1)) for part in rays)
     scene.cast_rays(*many, **MEMORY)
+    ask = operator.methodcaller("cast_rays", *many, **MEMORY)
     with multiprocessing.get_context(way).Pool(1) as pool:
-        found = pool.apply_async(hits_of, (scene, many)).get(120)
+        found = pool.apply_async(ask, (scene,)).get(120)
     np.testing.assert_array_equal(found["t_hit"], np.tile(expected["cast_rays"]["t_hit"], 40))
     same(scene.cast_rays(*rays, **MEMORY), expected["cast_rays"])
 
@@ -502,4 +500,4 @@ def test_a_forked_process_asks_the_scene_it_was_forked_with(scene, rays, expecte
     child.join(120)
     assert child.exitcode == 0
     np.testing.assert_array_equal(np.load(file), np.tile(expected["cast_rays"]["t_hit"], 40))
-    same(scene.cast_rays(*many, **MEMORY), hits_of(scene, many))
+    same(scene.cast_rays(*many, **MEMORY), scene.cast_rays(*many, **MEMORY))

@@ -16,9 +16,11 @@ from collections.abc import Iterator
 from bfrt.errors import SceneError
 from bfrt.formats.source import Source
 
-#: What the process does: it opens all, and whatever is said of it does not matter.
+#: What the process does: it opens all, and whatever is said of it does not matter. Modules are where
+#: they are here, and not in the working folder, which may have sources of the same names.
 TRY = """
 import contextlib, sys
+sys.path[:] = sys.argv[2:]
 from bfrt.errors import BfrtError
 from bfrt.formats.datasets import Datasets
 from bfrt.formats.source import Source
@@ -45,9 +47,9 @@ def try_file(path: str) -> None:
     SceneError
         If that ends the process.
     """
-    there = os.pathsep.join(folder or os.getcwd() for folder in sys.path)  # noqa: PTH109
-    child = [sys.executable, "-c", TRY, os.path.abspath(path)]  # noqa: PTH100
-    ended = subprocess.run(child, env={**os.environ, "PYTHONPATH": there}, capture_output=True)
+    there = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100
+    child = [sys.executable, "-c", TRY, os.path.abspath(path), *there]  # noqa: PTH100
+    ended = subprocess.run(child, capture_output=True)
     if ended.returncode:
         raise SceneError(
             f"{path}: found what ends HDF5 itself (status {ended.returncode}), expected datasets "

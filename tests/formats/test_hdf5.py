@@ -495,6 +495,16 @@ def test_flipped_bytes_of_virtual_datasets(file, seed):
     outcome(file, radius=1)
 
 
+def test_a_trial_takes_no_modules_of_the_working_folder(file, monkeypatch):
+    """Such as sources of bfrt that are not built."""
+    write(file, snapshot())
+    (file.parent / "bfrt").mkdir()
+    (file.parent / "bfrt" / "__init__.py").write_text("raise ImportError('not built')\n")
+    monkeypatch.chdir(file.parent)
+    trial.try_file(str(file))
+    trial.try_file(file.name)
+
+
 @pytest.mark.parametrize("way", ["itself", "link"])
 def test_what_ends_hdf5_is_one_sentence(file, way, monkeypatch):
     """Wherever it is that leads to it."""
