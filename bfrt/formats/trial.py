@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from bfrt.errors import SceneError
 from bfrt.formats.source import Source
 
-#: What the process does: it opens all, and whatever is said of it does not matter. Modules are where
-#: they are here, and not in the working folder, which may have sources of the same names.
+#: What the process does: it opens all, and whatever is said of it does not matter. It has modules
+#: from where they are here, not from the working folder, which may have sources of the same names.
 TRY = """
 import contextlib, sys
 sys.path[:] = sys.argv[2:]
