@@ -29,7 +29,7 @@ from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.stl import read_stl
 from bfrt.memory import default_memory, parse_memory
 from bfrt.records import Kind
-from bfrt.scene import Scene, SceneWriter, open_scene
+from bfrt.scene import Scene, SceneWriter
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy
@@ -211,8 +211,7 @@ def convert(
                 reading.refuse_all_but(name)
                 spd.feed(sink, usable_threads())
         with complaints_of(", ".join(names)):
-            writer.close()
-    scene = open_scene(target)
+            scene = writer.close()
     if not scene.objects:
         log.warning("%s: no object was found", ", ".join(names))
     return scene
