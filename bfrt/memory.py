@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +48,12 @@ def format_memory(amount: int) -> str:
     return f"{-(-amount // (1 << 20))}MiB"
 
 
+@cache
 def default_memory() -> int:
-    """Return a quarter of the machine's memory, or of its cgroup's limit if that is less, bytes."""
+    """Return a quarter of the machine's memory, or of its cgroup's limit if that is less, bytes.
+
+    Both are asked for once: reading a cgroup's files takes as long as tracing a ray does.
+    """
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return min([machine, *cgroup_limits()]) // 4
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -36,11 +35,32 @@ class Source(Protocol[Chunk]):
         ...
 
 
+class Stop:
+    """Tells workers to begin nothing more.
+
+    Attributes
+    ----------
+    told : bool
+        Whether they shall stop.
+    """
+
+    told = False
+
+
 #: Called with the worker's number, and what tells it to stop.
-Loop = Callable[[int, threading.Event], None]
+Loop = Callable[[int, Stop], None]
 
 #: Chunks a worker gets of a count, at least: what evens out their unequal work.
 CHUNKS_EACH = 8
+
+
+#: Candidates whose work is worth handing to a thread: it takes as long as to hand them out.
+WORTH = 4096
+
+
+def worth_handing(count: int, candidates: int) -> int:
+    """Return how many of `count` things are worth handing out, which share so many candidates."""
+    return 1 + WORTH * count // max(1, candidates)
 
 
 def chunk_of(count: int, threads: int, smallest: int, largest: int) -> int:
@@ -56,7 +76,7 @@ class Workers:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._pool = ThreadPoolExecutor(threads, "bfrt") if threads > 1 else None
+        self._pool = ThreadPoolExecutor(threads - 1, "bfrt") if threads > 1 else None
 
     def run(self, task: Task, count: int, *, smallest: int = 1, largest: int = 8192) -> None:
         """Call `task` for every chunk of range(count); chunks have `smallest` to `largest`.
@@ -69,14 +89,22 @@ class Workers:
         chunk = chunk_of(count, self.threads, smallest, largest)
         starts = itertools.count(0, chunk)
 
-        def count_down(worker: int, stop: threading.Event) -> None:
-            while not stop.is_set() and (first := next(starts)) < count:
+        def count_down(worker: int, stop: Stop) -> None:
+            while not stop.told and (first := next(starts)) < count:
                 task(worker, first, min(count, first + chunk))
 
-        self._each(count_down, alone=count <= chunk)
+        self._share(count_down, alone=count <= chunk)
 
-    def drain(self, source: Source[Made], work: Callable[[int, Made], object]) -> None:
+    def drain(
+        self,
+        source: Source[Made],
+        work: Callable[[int, Made], object],
+        finish: Callable[[int], object] | None = None,
+    ) -> None:
         """Call `work` for every chunk of a source, with the number of the worker that has it.
+
+        Each worker ends with `finish`, once it gets no more; one that comes too late for any chunk
+        may not be heard of at all.
 
         Raises
         ------
@@ -84,29 +112,21 @@ class Workers:
             The first that came up, an interrupt too; no new chunk is begun after it.
         """
 
-        def empty(worker: int, stop: threading.Event) -> None:
-            while not stop.is_set() and (chunk := source.next(worker)) is not None:
+        def empty(worker: int, stop: Stop) -> None:
+            while not stop.told and (chunk := source.next(worker)) is not None:
                 work(worker, chunk)
+            if finish is not None and not stop.told:
+                finish(worker)
 
-        self._each(empty, alone=source.short)
+        self._share(empty, alone=source.short)
 
-    def each(self, work: Callable[[int], object]) -> None:
-        """Call `work` once by each worker.
+    def _share(self, loop: Loop, *, alone: bool) -> None:
+        """Run a loop, which ends when it is told to stop, on all workers or on one.
 
-        Raises
-        ------
-        BaseException
-            The first that came up, an interrupt too.
+        The caller is the first worker. To wake a thread takes longer than many a loop: whichever
+        has not begun when the caller comes to the end finds nothing left, and is not waited for.
         """
-
-        def once(worker: int, _: threading.Event) -> None:
-            work(worker)
-
-        self._each(once, alone=False)
-
-    def _each(self, loop: Loop, *, alone: bool) -> None:
-        """Run a loop, which ends when it is told to stop, on all workers or on one."""
-        stop = threading.Event()
+        stop = Stop()
         failures: list[BaseException] = []
 
         def run(worker: int) -> None:
@@ -114,17 +134,19 @@ class Workers:
                 loop(worker, stop)
             except BaseException as error:
                 failures.append(error)
-                stop.set()
+                stop.told = True
 
-        if self._pool is None or alone:
+        others: list[Future[None]] = []
+        try:
+            if self._pool is not None and not alone:
+                others = [self._pool.submit(run, worker) for worker in range(1, self.threads)]
             run(0)
-        else:
-            futures = [self._pool.submit(run, worker) for worker in range(self.threads)]
-            try:
-                wait(futures)
-            finally:  # an interrupt finds the workers at work
-                stop.set()
-                wait(futures)
+            others = [other for other in others if not other.cancel()]
+            if others:
+                wait(others)
+        finally:  # an interrupt finds the workers at work
+            stop.told = True
+            wait(others)
         if failures:
             raise failures[0]
 

@@ -84,7 +84,9 @@ def machine(monkeypatch, tmp_path):
     )
     monkeypatch.setattr(memory_module, "OWN_CGROUPS", tmp_path / "own")
     monkeypatch.setattr(memory_module, "CGROUPS", tmp_path / "cgroup")
-    return tmp_path
+    default_memory.cache_clear()
+    yield tmp_path
+    default_memory.cache_clear()
 
 
 @pytest.mark.parametrize(

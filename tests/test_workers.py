@@ -118,33 +118,89 @@ def test_any_exception_comes_through(workers, kind):
     assert sum(done) == 100
 
 
-def test_an_interrupt_waits_for_the_chunks_that_run(monkeypatch):
+def interrupt_once(monkeypatch, before):
+    """Have the first wait for workers interrupted, after `before` was called."""
     import bfrt.workers
 
-    workers = Workers(2)
-    running = threading.Semaphore(0)
-    working = []
     real = bfrt.workers.wait
     waits = []
 
     def interrupted(futures):
         waits.append(len(futures))
         if len(waits) == 1:
-            running.acquire()
+            before()
             raise KeyboardInterrupt
         return real(futures)
 
+    monkeypatch.setattr(bfrt.workers, "wait", interrupted)
+    return waits
+
+
+def test_an_interrupt_waits_for_the_chunks_that_run(monkeypatch):
+    """The caller has come to the end of its work, and the other worker is in its last chunk."""
+    workers = Workers(2)
+    started = threading.Event()
+    working = []
+
     def task(worker, first, last):
+        if worker == 0:
+            assert started.wait(10)
+            return
         working.append(first)
-        running.release()
-        time.sleep(0.05)
+        started.set()
+        time.sleep(0.1)
         working.remove(first)
 
-    monkeypatch.setattr(bfrt.workers, "wait", interrupted)
+    waits = interrupt_once(monkeypatch, lambda: None)
+    with pytest.raises(KeyboardInterrupt):
+        workers.run(task, 2, largest=1)
+    assert working == []
+    assert waits == [1, 1]
+    workers.close()
+
+
+def test_an_interrupt_of_the_caller_s_chunk_waits_for_the_others():
+    workers = Workers(2)
+    started = threading.Event()
+    working, begun = [], []
+
+    def task(worker, first, last):
+        begun.append(first)
+        if worker == 0:
+            assert started.wait(10)
+            raise KeyboardInterrupt
+        working.append(first)
+        started.set()
+        time.sleep(0.1)
+        working.remove(first)
+
     with pytest.raises(KeyboardInterrupt):
         workers.run(task, 1000, largest=1)
     assert working == []
-    assert waits == [2, 2]
+    assert len(begun) == 2
+    workers.close()
+
+
+def test_who_has_not_begun_is_not_waited_for():
+    """While the only other thread is busy elsewhere, the caller does all by itself."""
+    workers = Workers(2)
+    begun, end = threading.Event(), threading.Event()
+
+    def busy(worker, first, last):
+        if worker == 1:
+            begun.set()
+            assert end.wait(10)
+        else:
+            assert begun.wait(10)
+
+    other = threading.Thread(target=lambda: workers.run(busy, 2, largest=1))
+    other.start()
+    assert begun.wait(10)
+    done = []
+    workers.run(lambda worker, first, _: done.append((worker, first)), 100, largest=1)
+    assert done == [(0, first) for first in range(100)]
+    end.set()
+    other.join()
     workers.close()
 
 
@@ -176,7 +232,27 @@ def test_a_source_is_drained(workers):
     assert names == {threading.current_thread().name}
 
 
-def test_each_worker_is_called_once(workers):
-    called = []
-    workers.each(called.append)
-    assert sorted(called) == list(range(workers.threads))
+def test_who_had_chunks_finishes_once_behind_them(workers):
+    events = []
+
+    def work(worker, number):
+        events.append(worker)
+        time.sleep(0.0001)
+
+    workers.drain(Numbers(300), work, lambda worker: events.append(~worker))
+    assert 0 in events
+    for worker in range(workers.threads):
+        own = [event for event in events if event in (worker, ~worker)]
+        assert own.count(~worker) == (1 if own else 0)
+        assert not own or own[-1] == ~worker
+
+
+def test_a_failure_leaves_nothing_to_finish(workers):
+    finished = []
+
+    def work(worker, number):
+        raise ValueError("mine")
+
+    with pytest.raises(ValueError, match="mine"):
+        workers.drain(Numbers(300, short=True), work, finished.append)
+    assert finished == []

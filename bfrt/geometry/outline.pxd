@@ -2,17 +2,18 @@
 
 ::
 
-    vertex p ──► its distance from the ray in x and y, its t in z: the ray is the z axis
+    vertex p ──► its offset from the ray in x and y, its depth in z: the ray is the z axis
                     y
         a ×─────────┼──× b     an edge decides by the sign of a x b, which is that of
                  \\  │ /       b x a turned round, to the last bit; where rounding makes
                   \\ ray ─ x    it 0 it is worked out without rounding
 
 A vertex is sheared by the ray alone, after Woop, Benthin and Wald, "Watertight ray/triangle
-intersection" (2013). Theirs is in float32, tries again in float64 where a product difference is 0,
-and leaves z to the end; ours is in float64, exact at 0, and shears z to t. So all faces that share
-a vertex have it in one place, all that share an edge have the ray on one side of it, and whatever
-their planes are no ray passes between them.
+intersection" (2013). Theirs divides by the direction's largest component once for each ray, is in
+float32, and tries again in float64 where a product difference is 0; ours divides nothing (offsets
+are multiples of that component), is in float64, and exact at 0. So all faces that share a vertex
+have it in one place, all that share an edge have the ray on one side of it, and whatever their
+planes are no ray passes between them.
 
 A ray that meets an edge or a corner exactly is counted by one face only (``edge_crossed``): as if
 it passed a hair beside it, beyond the edge in x, and by less in y. Only exact signs make that hold.
@@ -54,10 +55,9 @@ cdef inline Shear shear_along(const Line* l) noexcept nogil:
 
 
 cdef inline Vec sheared(const Shear* s, Vec p) noexcept nogil:
-    """Return p as seen along the ray: its offset from the ray in x and y, its t in z."""
+    """Return p as seen along the ray: its offset from it in x and y, times d.z; its depth in z."""
     cdef Vec q = permuted(sub(p, s.o), s.k)
-    cdef double t = q.z / s.d.z
-    return vec(q.x - t * s.d.x, q.y - t * s.d.y, t)
+    return vec(q.x * s.d.z - q.z * s.d.x, q.y * s.d.z - q.z * s.d.y, q.z)
 
 
 cdef inline double edge_side(Vec a, Vec b) noexcept nogil:

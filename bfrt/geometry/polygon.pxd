@@ -34,9 +34,14 @@ cdef struct Contact:
     bint on_edge
 
 
+cdef inline Vec corner(const Polygon* s, uint32_t i) noexcept nogil:
+    """Return vertex i."""
+    return point(s.vertices, 3 * i, &s.frame)
+
+
 cdef inline Vec vertex(const Polygon* s, uint32_t i) noexcept nogil:
     """Return vertex i as seen from the center."""
-    return sub(point(s.vertices, 3 * i, &s.frame), s.center)
+    return sub(corner(s, i), s.center)
 
 
 cdef inline bint polygon_load(const unsigned char* record, uint32_t count, const Frame* f,
@@ -115,21 +120,25 @@ cdef inline bint polygon_plane(const Polygon* s, const Line* l, const Span* span
 
 
 cdef inline Contact polygon_contact(const Polygon* s, const Line* l) noexcept nogil:
-    """Find whether the line meets an edge, and whether the polygon owns it (outline.pxd)."""
+    """Find whether the line meets an edge, and whether the polygon owns it (outline.pxd).
+
+    Few edges reach the x axis: of all others only y is worked out.
+    """
     cdef Shear seen = shear_along(l)
     cdef Contact c
-    cdef Vec a = sheared(&seen, point(s.vertices, 3 * (s.count - 1), &s.frame))
-    cdef Vec b
+    cdef Vec a, b
     cdef double side
-    cdef uint32_t i
+    cdef uint32_t i, before = s.count - 1
+    cdef double y, last = sheared(&seen, corner(s, before)).y
     c.owned = c.on_edge = False
     for i in range(s.count):
-        b = sheared(&seen, point(s.vertices, 3 * i, &s.frame))
-        if larger(a.y, b.y) >= 0.0 >= smaller(a.y, b.y):  # the edge reaches the x axis
+        y = sheared(&seen, corner(s, i)).y
+        if larger(last, y) >= 0.0 >= smaller(last, y):
+            a, b = sheared(&seen, corner(s, before)), sheared(&seen, corner(s, i))
             side = edge_side(a, b)
             c.owned ^= edge_crossed(a, b, side)
             c.on_edge |= edge_met(a, b, side)
-        a = b
+        last, before = y, i
     return c
 
 

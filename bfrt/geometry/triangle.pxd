@@ -48,7 +48,7 @@ cdef inline bint triangle_cut(const Triangle* s, const Line* l, double* t,
     det = u + v + w
     if det == 0.0:
         return False
-    t[0] = (u * a.z + v * b.z + w * c.z) / det
+    t[0] = (u * a.z + v * b.z + w * c.z) / (det * seen.d.z)
     at.u = v / det
     at.v = w / det
     return True

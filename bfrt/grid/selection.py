@@ -8,7 +8,7 @@ from bfrt.grid.grid import Grid
 from bfrt.grid.subspace import Subspace
 from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.scan.scans import GroupScans
-from bfrt.scan.sources import AllObjects, Batches, ChosenObjects
+from bfrt.scan.sources import FEWEST, AllObjects, Batches, ChosenObjects
 from bfrt.stats import Phase
 from bfrt.store.store import Store, Stream
 
@@ -46,13 +46,18 @@ class Selection:
         levels = sum(len(stream.levels) for stream in store.streams) * LEVEL_BUFFER
         return levels + len(store.groups) * Batches.bytes(threads)
 
-    def near(self, stream: Stream, grid: Grid, where: Where) -> AllObjects | ChosenObjects:
-        """Return the source of the objects of a stream that are near `where`, or of all."""
+    def near(
+        self, stream: Stream, grid: Grid, where: Where, fewest: int = FEWEST
+    ) -> AllObjects | ChosenObjects:
+        """Return the source of the objects of a stream that are near `where`, or of all.
+
+        A worker gets `fewest` of them at a time, or more.
+        """
         if stream.number not in self._walks:
             return AllObjects(self._scans, stream)
         walk = self._walks[stream.number]
         walk.begin(grid, where)
-        return ChosenObjects(self._scans, stream, walk, self._batches)
+        return ChosenObjects(self._scans, stream, walk, self._batches, fewest)
 
     def count(self, phase: Phase) -> int:
         """Add the bytes and seeks of walks to a phase; return the boxes read."""

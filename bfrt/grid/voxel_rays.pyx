@@ -12,6 +12,8 @@ import numpy as np
 
 from bfrt.grid.planes cimport Range
 
+from bfrt.workers import worth_handing
+
 #: An upper voxel: where its rays begin, and a bit of the occupancy, with what is above that.
 UPPER_BYTES = 4.0 + 1.0 / 8 + 1.0 / 32
 
@@ -124,9 +126,10 @@ cdef class VoxelRays:
 
         self.entries = slots
         self.partition(n)
-        workers.run(buckets, BUCKETS)
+        workers.run(buckets, BUCKETS, smallest=min(BUCKETS, worth_handing(BUCKETS, n)))
         self.start[self.uppers] = <uint32_t>n
-        workers.run(layers, self.level_size[1][2])
+        workers.run(layers, self.level_size[1][2],
+                    smallest=worth_handing(self.level_size[1][2], self.uppers))
         self.raise_levels()
         if self.blocks:
             self.give_blocks()

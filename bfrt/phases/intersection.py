@@ -7,14 +7,16 @@ near rays.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from bfrt.grid.selection import Selection
 from bfrt.phases._intersection import Intersector
 from bfrt.phases.traversal import Flight
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
-from bfrt.scan.sources import Chunk
+from bfrt.scan.sources import FEWEST, Chunk
 from bfrt.stats import Counters
-from bfrt.workers import Workers
+from bfrt.workers import Workers, worth_handing
 
 
 def intersect_all(
@@ -40,9 +42,9 @@ def intersect_all(
 
     swept = 0
     for stream in scans.streams:
-        source = selection.near(stream, flight.grid, flight.voxel_rays)
-        workers.drain(source, meet)
-        finish_all(intersectors, scans.of(stream), workers)
+        fewest = max(FEWEST, worth_handing(stream.count, flight.pool.stored))
+        source = selection.near(stream, flight.grid, flight.voxel_rays, fewest)
+        workers.drain(source, meet, finisher(intersectors, scans.of(stream)))
         swept += source.swept
     phase = counters.phases.intersection
     counters.sweep(swept + selection.count(phase), scans)
@@ -54,6 +56,10 @@ def intersect_all(
     return swept
 
 
-def finish_all(intersectors: list[Intersector], scans: list[StreamScan], workers: Workers) -> None:
-    """Settle the rays that still wait for the geometry of a stream."""
-    workers.each(lambda worker: intersectors[worker].finish(scans[worker]))
+def finisher(intersectors: list[Intersector], scans: list[StreamScan]) -> Callable[[int], object]:
+    """Return what tests the rays of a worker that still wait for the geometry of a stream."""
+
+    def finish(worker: int) -> None:
+        intersectors[worker].finish(scans[worker])
+
+    return finish

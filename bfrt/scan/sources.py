@@ -39,8 +39,10 @@ DENSE = 0.75
 #: A range and the box around its objects.
 CHOSEN_BYTES = 2 * 8 + 6 * 4
 
-#: Picked objects, of which a thread asks for so many at once: up to 16 KB of the page cache each.
+#: Picked objects, of which a thread asks for so many at once: up to 16 KB of the page cache each;
+#: and the fewest worth handing to one.
 PICKED = 512
+FEWEST_PICKED = 32
 
 Ranges = NDArray[np.int64]
 Parents = NDArray[np.float32]
@@ -134,7 +136,7 @@ class PickedObjects:
         # Where everything is read in a pass, files are open for that way only.
         self._scans = scans.begin(stream, asked=scans.lazy)
         self._ranges = objects[:, None] + np.array([0, 1])
-        self._chunk = chunk_of(len(objects), len(self._scans), 1, PICKED)
+        self._chunk = chunk_of(len(objects), len(self._scans), FEWEST_PICKED, PICKED)
         self._starts = itertools.count(0, self._chunk)
 
     @property
@@ -242,7 +244,12 @@ class ChosenObjects:
     """
 
     def __init__(
-        self, scans: GroupScans, stream: Stream, chooser: Chooser, batches: Batches
+        self,
+        scans: GroupScans,
+        stream: Stream,
+        chooser: Chooser,
+        batches: Batches,
+        fewest: int = FEWEST,
     ) -> None:
         self.swept = 0
         self._scans = scans.begin(stream, asked=True)
@@ -251,7 +258,7 @@ class ChosenObjects:
         self._memory = batches
         self._now, self._following = batches.two
         threads = len(self._scans)
-        self._objects = chunk_of(stream.count, threads, FEWEST, TOGETHER)
+        self._objects = chunk_of(stream.count, threads, min(fewest, TOGETHER), TOGETHER)
         self._size = self._objects * threads // 2
         self._turn = threading.Lock()
         self._now.clear()
