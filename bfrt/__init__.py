@@ -22,7 +22,7 @@ from bfrt.errors import (
 from bfrt.image.picture import Image
 from bfrt.planned import Plan
 from bfrt.progress import Progress
-from bfrt.queries.casting import Answer
+from bfrt.queries.question import Answer
 from bfrt.scene import (
     Scene,
     SceneWriter,

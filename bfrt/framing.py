@@ -41,39 +41,7 @@ def framing_camera(
     angle: float = Camera.angle,
     resolution: tuple[int, int] = Camera.resolution,
 ) -> Camera:
-    """Return the camera that frames a scene: from the front, a little to the right and above.
-
-    The camera looks at the center of the bounds, from a distance of ``radius / sin(half)``: the
-    radius is half the bounds' diagonal, and ``half`` is half the smaller of the vertical and the
-    horizontal angle of view. So the sphere around the bounds touches all edges of a square picture,
-    and two edges of any other.
-
-    Parameters
-    ----------
-    store : Store
-        The store whose bounds are framed.
-    eye, at : tuple of 3 float, optional
-        Where the eye is and the point it looks at, world coordinates, instead of those that frame
-        the scene.
-    up : tuple of 3 float
-        The direction that is up, of any length. The front is at right angles to it: -y if z is up,
-        z if y is up.
-    angle : float
-        Vertical field of view, from the bottom to the top of the image, in degrees, in (0, 180).
-    resolution : tuple of 2 int
-        Width and height in pixels, 1 to 65535 each.
-
-    Returns
-    -------
-    Camera
-
-    Raises
-    ------
-    SettingError
-        If there is nothing to frame, no objects or no extent; or if `up` is no direction.
-    SceneError
-        If a value is out of range, or eye, at and up do not span a view.
-    """
+    """Return the camera that frames a store's bounds, as `bfrt.Scene.framing_camera` does."""
     view = Camera(way_to_eye(up), (0.0, 0.0, 0.0), up, angle, resolution=resolution)
     if eye is not None and at is not None:
         return replace(view, eye=eye, at=at)

@@ -25,7 +25,7 @@ from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
 from bfrt.queries import casting
 from bfrt.queries.answers import Out
-from bfrt.queries.casting import Answer, Question
+from bfrt.queries.question import Answer, Question
 from bfrt.queries.rays import Given
 from bfrt.records import Kind
 from bfrt.rendering import picture_of
@@ -360,10 +360,7 @@ class Scene:
             If the system refuses a read or a write.
         """
         view = View.of(self.store, camera, samples, depth, aovs)
-        settings = Settings.of(
-            memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-            fresh_marks=fresh_marks, scratch=scratch,
-        )  # fmt: skip
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             plan = self._divide(self.store, settings, view.frame)
             self._make_room()
@@ -406,10 +403,7 @@ class Scene:
             As for `render`.
         """
         view = View.of(self.store, camera, samples, depth, aovs).sized(resolution)
-        settings = Settings.of(
-            memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-            fresh_marks=fresh_marks, scratch=scratch,
-        )  # fmt: skip
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         held = self._divide(self.store, settings, view.frame)
         return plan_of(self.store, view, settings, held)
 
@@ -472,13 +466,10 @@ class Scene:
         Among hits at the same t the object with the least id counts. The answer is the same, bit
         for bit, for every memory budget, number of threads and refinement.
         """
-        settings = Settings.of(
-            memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-            fresh_marks=fresh_marks, scratch=scratch,
-        )  # fmt: skip
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.nearest(self._session, question, settings)
+            return casting.NEAREST.ask(self._session, question, settings)
 
     def occluded(
         self,
@@ -534,13 +525,10 @@ class Scene:
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `render`.
         """
-        settings = Settings.of(
-            memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-            fresh_marks=fresh_marks, scratch=scratch,
-        )  # fmt: skip
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.any_hit(self._session, question, settings)
+            return casting.ANY_HIT.ask(self._session, question, settings)
 
     def count_intersections(
         self,
@@ -596,13 +584,10 @@ class Scene:
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `render`.
         """
-        settings = Settings.of(
-            memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-            fresh_marks=fresh_marks, scratch=scratch,
-        )  # fmt: skip
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.count_hits(self._session, question, settings)
+            return casting.COUNT.ask(self._session, question, settings)
 
     def list_intersections(
         self,
@@ -657,13 +642,10 @@ class Scene:
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `render`.
         """
-        settings = Settings.of(
-            memory=memory, threads=threads, refine=refine, grid=grid, max_grid=max_grid,
-            fresh_marks=fresh_marks, scratch=scratch,
-        )  # fmt: skip
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.list_hits(self._session, question, settings)
+            return casting.LIST.ask(self._session, question, settings)
 
 
 class SceneWriter(StoreWriter):

@@ -82,7 +82,6 @@ class Settings:
     @classmethod
     def of(
         cls,
-        *,
         memory: str | int | None = None,
         threads: int | None = None,
         refine: str = FINEST,

@@ -2,8 +2,8 @@
 
 ::
 
-    arrays, .npy files, blocks ─► AskedRays ─► Tracer ─► spool of hits
-         (rays)                                             │ by object: Surfaces, normals and uv
+    arrays, .npy files, blocks ─► RayQueue ─► Tracer ─► spool of hits
+         (rays)                                             │ by object: surfaces, normals and uv
                                                             │ by ray: answers
                                                          Columns ─► new arrays, the caller's, files
 

@@ -11,62 +11,30 @@
 
 from __future__ import annotations
 
-import logging
 import os
-import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, closing
+from collections.abc import Callable
+from contextlib import closing
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from bfrt.budget import Capacities
 from bfrt.errors import SettingError
 from bfrt.ids import index_of, stream_of
 from bfrt.phases.all_hits import AllHits
-from bfrt.phases.hit_order import by_object, hits_of, picked
-from bfrt.progress import Progress, Report, tell
-from bfrt.queries._rays import surfaces
-from bfrt.queries.answers import (
-    Columns,
-    Fields,
-    Out,
-    check_folder,
-    check_out,
-    ordered,
-    rows,
-    split_ends,
-)
-from bfrt.queries.rays import AskedRays, Block, Given, rays_of
-from bfrt.records import HIT, NO_HIT, QUERY_RAY, QUEUED_BYTES, RayKind
-from bfrt.rendering import stats_of
-from bfrt.scan.scan import StreamScan
-from bfrt.scan.scans import GroupScans
+from bfrt.queries.answers import Columns, Fields, Out, check_folder, check_out, rows, split_ends
+from bfrt.queries.question import Answer, Answers, Query, Question, Sessions
+from bfrt.queries.surfaces import SURFACE, surfaces_of
+from bfrt.records import HIT, NO_HIT, RayKind
 from bfrt.settings import Settings
-from bfrt.stats import Counters, Stats, peak_rss
-from bfrt.store.store import Stream
+from bfrt.stats import Counters
 from bfrt.streams.spool import Spool
-from bfrt.tracer import Outcome, Tracer
-from bfrt.workers import Workers
-
-log = logging.getLogger(__name__)
 
 #: What a miss has for ``geometry_ids`` and ``primitive_ids``.
 MISS = -1
 
-#: A hit as it is told of.
-ANSWER = np.dtype(
-    [
-        ("number", "<u8"),
-        ("t", "<f8"),
-        ("key", "<u8"),
-        ("normal", "<f4", 3),
-        ("uv", "<f4", 2),
-    ]
-)
 NUMBERED = np.dtype([("number", "<u8")])
 COUNTED = np.dtype([("number", "<u8"), ("count", "<u4")])
 
@@ -77,321 +45,76 @@ HIT_FIELDS: Fields = {
     "primitive_normals": (np.float32, (3,)),
     "primitive_uvs": (np.float32, (2,)),
 }
-
 OCCLUDED: Fields = {"occluded": (np.bool_, ())}
 COUNTS: Fields = {"counts": (np.int64, ())}
-
 SPLITS: Fields = {"ray_splits": (np.int64, ())}
+LISTED: Fields = {"ray_ids": (np.int64, ()), **HIT_FIELDS}
+
+Block = NDArray[Any]
 
 
-class Answer(dict[str, NDArray[Any]]):
-    """Maps names to the arrays of a query's answer.
-
-    It is a dict. Each query's docstring lists its keys, such as ``t_hit``, with shapes and dtypes;
-    arrays that went to a folder are memory maps.
-
-    Attributes
-    ----------
-    stats : bfrt.stats.Stats
-        The counters of the query. ``stats.bad_rays`` counts rays that are NaN, infinite or of no
-        length; they hit nothing.
-    """
-
-    stats: Stats
-
-
-class Question(NamedTuple):
-    """Holds the rays that a caller asks about, and where the answer goes.
+class RowPerRay(NamedTuple):
+    """Says what a query does whose answer has a row for each ray.
 
     Attributes
     ----------
-    origins, directions, t_min, t_max
-        As for `bfrt.cast_rays`.
-    out : mapping of arrays, or path-like, optional
-        Where the answer goes.
-    report : Report
-        Called after each pass.
-    """
-
-    origins: Given
-    directions: Given | None
-    t_min: ArrayLike
-    t_max: ArrayLike
-    out: Out | None
-    report: Report
-
-    def rays(self) -> tuple[Iterator[Block], int | None]:
-        """Return the blocks of rays, and how many rays they are where that is known."""
-        return rays_of(self.origins, self.directions, self.t_min, self.t_max)
-
-
-#: Gives a tracer for some settings while a question is worked on.
-Sessions = Callable[[Settings], AbstractContextManager[Tracer]]
-
-
-class Asking:
-    """Works on one question.
-
-    Parameters
-    ----------
-    tracer : Tracer
-    blocks : iterator of Block
-        The rays.
-    known : int, optional
-        Number of rays, if known.
     kind : RayKind
-        EYE for nearest hits, SHADOW for any.
-    report : Report
+        The kind of its rays.
+    fields : Fields
+        The arrays of the answer.
+    absent : ndarray, shape (1,)
+        The record of a ray that is not among those found.
+    find : callable
+        Traces the rays of a query, and appends records, one a ray at the most, to answers.
+    columns : callable
+        Gives the answer's rows for a block of records.
     """
 
-    def __init__(
-        self,
-        tracer: Tracer,
-        blocks: Iterator[Block],
-        known: int | None,
-        kind: RayKind,
-        report: Report,
-    ) -> None:
-        self.tracer = tracer
-        self.queue = AskedRays(tracer.store, blocks, kind)
-        self.plan = tracer.capacities
-        self.stats = stats_of(tracer)
-        self._known = known
-        self._report = report
-        self._start = time.perf_counter()
+    kind: RayKind
+    fields: Fields
+    absent: Block
+    find: Callable[[Query, Answers], None]
+    columns: Callable[[Block], dict[str, Block]]
 
-    def trace(self, take: Callable[[NDArray[Any]], None], crossings: AllHits | None = None) -> None:
-        """Take all rays through the scene; `take` gets them as they are complete."""
-        self.tracer.begin(self.stats)
-        with self.stats.depth(1) as counters:
-            outcome = Outcome(Forward(take), None, crossings)
-            self.tracer.trace(self.queue, outcome, counters, self._tell)
-            counters.rays.eye = self.queue.taken
-
-    def _tell(self, done: int) -> None:
-        total = self.queue.taken if self._known is None else self._known
-        tell(self._report, Progress(1, done, total))
-
-    def spool(self, dtype: np.dtype[Any], room: int) -> Spool:
-        """Return a spool that holds a number of records in memory."""
-        return Spool(dtype, room, self.tracer.scratch)
-
-    def answer(self, arrays: dict[str, NDArray[Any]]) -> Answer:
-        """Return the answer, with the counters."""
-        bad = self.queue.bad
-        answer = Answer(arrays)
-        answer.stats = self.stats
-        self.stats.total.seconds += time.perf_counter() - self._start
-        self.stats.bad_rays = bad
-        self.stats.peak_rss_bytes = peak_rss()
-        if bad:
-            log.warning("%d rays were NaN, infinite or of no length, and hit nothing", bad)
-        return answer
+    def ask(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
+        """Answer a question."""
+        rays = question.rays()
+        check_out(self.fields, rays.known, question.out)
+        with sessions(settings) as tracer:
+            query = Query(tracer, rays, self.kind, question.report)
+            with Answers(query, self.absent.dtype, query.capacities.queue) as answers:
+                self.find(query, answers)
+                with Columns(self.fields, query.rays, question.out) as columns:
+                    for block in rows(answers.ordered(), query.rays, self.absent):
+                        columns.put(self.columns(block))
+            return query.answer(columns.arrays())
 
 
-def nearest(sessions: Sessions, question: Question, settings: Settings) -> Answer:
-    """Find the nearest hit of each ray: `bfrt.cast_rays`."""
-    blocks, known = question.rays()
-    check_out(HIT_FIELDS, known, question.out)
-    with sessions(settings) as tracer:
-        asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
-        room = fitting(asking.plan, known)
-        with Answers(asking, ANSWER, room.queue) as answers:
-            with closing(asking.spool(HIT, room.hits)) as hits:
-                asking.trace(lambda some: hits.append(some[some["id"] != NO_HIT].view(HIT)))
-                _resolve(asking, hits, answers.append)
-            missed = np.zeros(1, ANSWER)
-            missed["t"], missed["key"] = np.inf, NO_HIT
-            with Columns(HIT_FIELDS, asking.queue.taken, question.out) as columns:
-                for block in rows(answers.ordered(asking.queue.taken), asking.queue.taken, missed):
-                    columns.put(_hit_columns(block))
-        return asking.answer(columns.arrays())
+def _nearest(query: Query, answers: Answers) -> None:
+    with closing(query.spool(HIT, query.capacities.hits)) as hits:
+        query.trace(lambda rays: hits.append(rays[rays["id"] != NO_HIT].view(HIT)))
+        _resolve(query, hits, query.capacities.hits, answers)
 
 
-def any_hit(sessions: Sessions, question: Question, settings: Settings) -> Answer:
-    """Find whether each ray hits anything: `bfrt.occluded`."""
-    blocks, known = question.rays()
-    check_out(OCCLUDED, known, question.out)
-    with sessions(settings) as tracer:
-        asking = Asking(tracer, blocks, known, RayKind.SHADOW, question.report)
-        with Answers(asking, NUMBERED, fitting(asking.plan, known).queue) as answers:
-            # What something stops does not come out.
-            asking.trace(lambda some: answers.append(_fields(some, NUMBERED)))
-            stopped = np.array([(NO_HIT,)], NUMBERED)
-            with Columns(OCCLUDED, asking.queue.taken, question.out) as columns:
-                for block in rows(answers.ordered(asking.queue.taken), asking.queue.taken, stopped):
-                    columns.put({"occluded": block["number"] == NO_HIT})
-        return asking.answer(columns.arrays())
+def _any_hit(query: Query, answers: Answers) -> None:
+    # What something stops does not come out.
+    query.trace(lambda rays: answers.append(_fields(rays, NUMBERED)))
 
 
-def count_hits(sessions: Sessions, question: Question, settings: Settings) -> Answer:
-    """Count all hits of each ray: `bfrt.count_intersections`."""
-    blocks, known = question.rays()
-    check_out(COUNTS, known, question.out)
-    with sessions(settings) as tracer:
-        asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
-        with Answers(asking, COUNTED, fitting(asking.plan, known).queue) as answers:
-            asking.trace(
-                lambda some: answers.append(_fields(some[some["count"] > 0], COUNTED)), AllHits()
-            )
-            none = np.zeros(1, COUNTED)
-            with Columns(COUNTS, asking.queue.taken, question.out) as columns:
-                for block in rows(answers.ordered(asking.queue.taken), asking.queue.taken, none):
-                    columns.put({"counts": block["count"]})
-        return asking.answer(columns.arrays())
+def _count(query: Query, answers: Answers) -> None:
+    query.trace(lambda rays: answers.append(_fields(rays[rays["count"] > 0], COUNTED)), AllHits())
 
 
-def list_hits(sessions: Sessions, question: Question, settings: Settings) -> Answer:
-    """Find all hits of each ray: `bfrt.list_intersections`."""
-    blocks, known = question.rays()
-    folder = _folder_of(question.out)
-    with sessions(settings) as tracer:
-        asking = Asking(tracer, blocks, known, RayKind.EYE, question.report)
-        with Answers(asking, ANSWER, asking.plan.queue) as answers:
-            with closing(asking.spool(HIT, asking.plan.hits)) as hits:
-                asking.trace(lambda some: None, AllHits(lambda asked: hits.append(asked.view(HIT))))
-                _resolve(asking, hits, answers.append)
-            arrays = _listed(answers, asking.queue.taken, folder)
-        return asking.answer(arrays)
-
-
-def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, NDArray[Any]]:
-    """Put all hits in the order of their rays, and say where each ray's end."""
-    fields = {"ray_ids": (np.int64, ()), **HIT_FIELDS}
-    with (
-        Columns(fields, len(answers), folder) as columns,
-        Columns(SPLITS, rays + 1, folder) as splits,
-    ):
-        splits.put({"ray_splits": np.zeros(1, np.int64)})
-        hits_before = rays_before = 0
-        for block in chain(answers.ordered(rays), [np.empty(0, ANSWER)]):
-            numbers = block["number"].astype(np.int64)
-            columns.put({"ray_ids": numbers, **_hit_columns(block)})
-            end = int(numbers[-1]) + 1 if len(numbers) else rays
-            for ends in split_ends(numbers, rays_before, end):
-                splits.put({"ray_splits": hits_before + ends})
-            hits_before, rays_before = hits_before + len(numbers), end
-    return {**splits.arrays(), **columns.arrays()}
-
-
-def fitting(plan: Capacities, rays: int | None) -> Capacities:
-    """Return the capacities without memory that `rays` rays, with a hit each, cannot fill."""
-    return plan if rays is None else plan.for_hits(rays)
-
-
-def _folder_of(out: Out | None) -> Out | None:
-    """Return the folder for an answer; refuse arrays, since the number of hits is not yet known."""
-    if out is None:
-        return None
-    if isinstance(out, (str, os.PathLike)):
-        check_folder(Path(os.fsdecode(out)))
-        return out
-    raise SettingError("out: found arrays, expected a folder: how many hits there are is not known")
-
-
-class Forward:
-    """Takes rays as they are complete, in place of a spool."""
-
-    def __init__(self, take: Callable[[NDArray[Any]], None]) -> None:
-        self._take = take
-
-    def append(self, records: NDArray[Any]) -> None:
-        self._take(records.view(QUERY_RAY))
-
-
-class Answers:
-    """Answers as they come, to be read in the order of rays.
-
-    Parameters
-    ----------
-    asking : Asking
-    dtype : numpy.dtype
-        The type of an answer's record.
-    queue : int
-        Rays whose memory they may take.
-    """
-
-    def __init__(self, asking: Asking, dtype: np.dtype[Any], queue: int) -> None:
-        self._room = max(1024, queue * QUEUED_BYTES // dtype.itemsize)
-        self._spool = asking.spool(dtype, self._room)
-        self.append = self._spool.append
-
-    def __len__(self) -> int:
-        return len(self._spool)
-
-    def ordered(self, rays: int) -> Iterator[NDArray[Any]]:
-        return ordered(self._spool, rays, self._room)
-
-    def __enter__(self) -> Answers:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._spool.close()
-
-
-class Surfaces:
-    """Finds normals and uv of hits; only the objects that are hit are read.
-
-    Parameters
-    ----------
-    hits : (n,) records.QUERY_RAY
-        Ascending by id.
-    workers : Workers
-
-    Attributes
-    ----------
-    normals, uvs : ndarray of float32, shape (n, 3), (n, 2)
-    """
-
-    def __init__(self, hits: NDArray[Any], workers: Workers) -> None:
-        self.normals = np.empty((len(hits), 3), np.float32)
-        self.uvs = np.empty((len(hits), 2), np.float32)
-        self._hits = hits
-        self._ids = np.ascontiguousarray(hits["id"])
-        self._workers = workers
-
-    def find(self, scans: GroupScans) -> None:
-        """Find normals and uv of the hits on a group's objects."""
-        for stream in scans.streams:
-            part = hits_of(self._ids, stream)
-            if part.start < part.stop:
-                self._find(scans, stream, part)
-
-    def _find(self, scans: GroupScans, stream: Stream, part: slice) -> None:
-        source, starts = picked(scans, stream, self._ids[part])
-        starts += part.start
-
-        def resolve(_: int, chunk: tuple[StreamScan, slice]) -> None:
-            scan, some = chunk
-            own = slice(starts[some.start], starts[some.stop])
-            surfaces(scan, self._hits[own], self.normals[own], self.uvs[own])
-
-        self._workers.drain(source, resolve)
-
-
-def _resolve(asking: Asking, hits: Spool, append: Callable[[NDArray[Any]], None]) -> None:
-    """Find normals and uv of hits, object by object."""
+def _resolve(query: Query, hits: Spool, room: int, answers: Answers) -> None:
+    """Find normals and uv of hits."""
     counters = Counters()
     with counters.phases.shading.timed():
-        groups = asking.tracer.scans
-        # Half of them, for what is found takes memory too.
-        for records, begins in by_object(hits, groups, max(1, asking.plan.hits // 2)):
-            some = records.view(QUERY_RAY)
-            found = np.empty(len(some), ANSWER)
-            faces = Surfaces(some, asking.tracer.workers)
-            for scans in groups:
-                faces.find(scans)
-                counters.sweep(0, scans, begins)
-                counters.phases.shading.swept(scans)
-            found["number"], found["key"] = some["number"], some["id"]
-            found["t"] = np.ldexp(some["t"] + some["moved"], -some["power"])
-            found["normal"], found["uv"] = faces.normals, faces.uvs
-            append(found)
-        counters.phases.shading.spooled(hits)
-    asking.stats.total.add(counters)
+        for found in surfaces_of(hits, query.tracer, room, counters):
+            answers.append(found)
+    query.stats.total.add(counters)
 
 
-def _fields(records: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+def _fields(records: Block, dtype: np.dtype[Any]) -> Block:
     """Return the fields of records that `dtype` has."""
     made = np.empty(len(records), dtype)
     for name in dtype.names or ():
@@ -399,7 +122,7 @@ def _fields(records: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     return made
 
 
-def _hit_columns(block: NDArray[Any]) -> dict[str, NDArray[Any]]:
+def _hit_columns(block: Block) -> dict[str, Block]:
     ids = block["key"]
     missed = ids == NO_HIT
     stream, index = stream_of(ids), index_of(ids)
@@ -410,3 +133,76 @@ def _hit_columns(block: NDArray[Any]) -> dict[str, NDArray[Any]]:
         "primitive_normals": block["normal"],
         "primitive_uvs": block["uv"],
     }
+
+
+def _missed() -> Block:
+    record = np.zeros(1, SURFACE)
+    record["t"], record["key"] = np.inf, NO_HIT
+    return record
+
+
+#: `bfrt.cast_rays`: the nearest hit of each ray.
+NEAREST = RowPerRay(RayKind.EYE, HIT_FIELDS, _missed(), _nearest, _hit_columns)
+
+#: `bfrt.occluded`: whether each ray hits anything.
+ANY_HIT = RowPerRay(
+    RayKind.SHADOW,
+    OCCLUDED,
+    np.array([(NO_HIT,)], NUMBERED),
+    _any_hit,
+    lambda block: {"occluded": block["number"] == NO_HIT},
+)
+
+#: `bfrt.count_intersections`: the number of each ray's hits.
+COUNT = RowPerRay(
+    RayKind.EYE, COUNTS, np.zeros(1, COUNTED), _count, lambda block: {"counts": block["count"]}
+)
+
+
+class RowPerHit:
+    """Answers `bfrt.list_intersections`: all hits of each ray, a row each."""
+
+    def ask(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
+        """Answer a question."""
+        rays = question.rays()
+        _check_folder(question.out)
+        with sessions(settings) as tracer:
+            query = Query(tracer, rays, RayKind.EYE, question.report)
+            room = tracer.capacities  # a ray may have many hits
+            with Answers(query, SURFACE, room.queue) as answers:
+                with closing(query.spool(HIT, room.hits)) as hits:
+                    crossings = AllHits(lambda found: hits.append(found.view(HIT)))
+                    query.trace(lambda rays: None, crossings)
+                    _resolve(query, hits, room.hits, answers)
+                return query.answer(_listed(answers, query.rays, question.out))
+
+
+LIST = RowPerHit()
+
+
+def _check_folder(out: Out | None) -> None:
+    """Refuse what is no folder for an answer whose number of rows is not yet known."""
+    if isinstance(out, (str, os.PathLike)):
+        check_folder(Path(os.fsdecode(out)))
+    elif out is not None:
+        raise SettingError(
+            "out: found arrays, expected a folder: how many hits there are is not known"
+        )
+
+
+def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, Block]:
+    """Put all hits in the order of their rays, and say where each ray's end."""
+    with (
+        Columns(LISTED, len(answers), folder) as columns,
+        Columns(SPLITS, rays + 1, folder) as splits,
+    ):
+        splits.put({"ray_splits": np.zeros(1, np.int64)})
+        hits_before = rays_before = 0
+        for block in chain(answers.ordered(), [np.empty(0, SURFACE)]):
+            numbers = block["number"].astype(np.int64)
+            columns.put({"ray_ids": numbers, **_hit_columns(block)})
+            end = int(numbers[-1]) + 1 if len(numbers) else rays
+            for ends in split_ends(numbers, rays_before, end):
+                splits.put({"ray_splits": hits_before + ends})
+            hits_before, rays_before = hits_before + len(numbers), end
+    return {**splits.arrays(), **columns.arrays()}

@@ -6,7 +6,7 @@ import errno
 import os
 from collections.abc import Iterable, Iterator
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from bfrt.errors import SceneError, SettingError, StreamError
 from bfrt.formats.npy import NpyArray
 from bfrt.formats.source import Source
 from bfrt.formats.table import Rows
-from bfrt.queries._rays import ask
+from bfrt.queries._rays import RayRecords
 from bfrt.records import HIT, QUERY_RAY, RayKind
 from bfrt.store.store import Store
 
@@ -31,27 +31,41 @@ Block = tuple[NDArray[Any], NDArray[Any], NDArray[np.float64], NDArray[np.float6
 Given = ArrayLike | str | os.PathLike[str] | Iterable[tuple[ArrayLike, ArrayLike]]
 
 
-class AskedRays:
-    """Queues the rays of a query, and makes them into records as they are taken.
+class Rays(NamedTuple):
+    """Holds the rays of a query, as they are given.
 
     Attributes
     ----------
-    bad : int
-        Rays taken so far that are NaN, infinite or of no length.
-    taken : int
-        Rays taken so far.
+    blocks : iterator of Block
+    known : int, optional
+        Number of rays, where it is known.
     """
 
+    blocks: Iterator[Block]
+    known: int | None
+
+
+class RayQueue:
+    """Queues the rays of a query, and makes them into records as they are taken."""
+
     def __init__(self, store: Store, blocks: Iterator[Block], kind: RayKind) -> None:
-        self.bad = self.taken = 0
-        self._origin = store.origin
         empty = store.bounds.empty
-        self._bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
+        bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
+        self._records = RayRecords(store.origin, bounds, kind)
         self._blocks = blocks
-        self._kind = kind
         self._at = 0
         self._block: Block | None = None
         self._next()
+
+    @property
+    def taken(self) -> int:
+        """Return the number of rays taken so far."""
+        return self._records.made
+
+    @property
+    def bad(self) -> int:
+        """Return the number of those that are NaN, infinite or of no length."""
+        return self._records.bad
 
     def _next(self) -> None:
         """Come to the next block that has rays."""
@@ -69,22 +83,23 @@ class AskedRays:
         if self._block is not None:
             part = slice(self._at, self._at + n)
             o, d, near, far = [np.ascontiguousarray(c[part], np.float64) for c in self._block]
-            self.bad += ask(
-                o, d, near, far, self._origin, self._bounds, self.taken, self._kind, out
-            )
-            self.taken += n
+            self._records.fill(o, d, near, far, out)
             self._at += n
             if self._at == len(self._block[0]):
                 self._next()
         return out.view(HIT)
 
 
-def rays_of(
-    origins: Given, directions: Given | None, t_min: ArrayLike, t_max: ArrayLike
-) -> tuple[Iterator[Block], int | None]:
-    """Return the blocks of the rays given, and the number of rays where it is known."""
+def rays_of(origins: Given, directions: Given | None, t_min: ArrayLike, t_max: ArrayLike) -> Rays:
+    """Return the rays that are given, as `bfrt.cast_rays` takes them.
+
+    Raises
+    ------
+    SettingError
+        If they have other shapes or dtypes.
+    """
     if directions is None:
-        return _given_blocks(origins, t_min, t_max), None
+        return Rays(_given_blocks(origins, t_min, t_max), None)
     o, d = _rows("origins", origins), _rows("directions", directions)
     if o.shape != d.shape:
         raise SettingError(
@@ -98,7 +113,7 @@ def rays_of(
             part = slice(number * BLOCK, (number + 1) * BLOCK)
             yield *rays, near[part], far[part]
 
-    return blocks(), count
+    return Rays(blocks(), count)
 
 
 class Held:
@@ -127,8 +142,7 @@ def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Bl
             o, d = block
         except (TypeError, ValueError):
             raise SettingError("rays: found a block, expected origins and directions") from None
-        parts, _ = rays_of(o, d, t_min, t_max)
-        yield from parts
+        yield from rays_of(o, d, t_min, t_max).blocks
 
 
 def _rows(name: str, given: Any) -> Rows:

@@ -1,0 +1,186 @@
+"""One question: its rays, its way through the scene, its counters."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bfrt.phases.all_hits import AllHits
+from bfrt.progress import Progress, Report, tell
+from bfrt.queries.answers import Out, ordered
+from bfrt.queries.rays import Given, RayQueue, Rays, rays_of
+from bfrt.records import QUERY_RAY, QUEUED_BYTES, RayKind
+from bfrt.rendering import stats_of
+from bfrt.settings import Settings
+from bfrt.stats import Stats, peak_rss
+from bfrt.streams.spool import Spool
+from bfrt.tracer import Outcome, Tracer
+
+log = logging.getLogger(__name__)
+
+#: The fewest answers that are worth holding in memory.
+FEWEST_HELD = 1024
+
+#: Takes records of rays.
+Take = Callable[[NDArray[Any]], object]
+
+
+class Answer(dict[str, NDArray[Any]]):
+    """Maps names to the arrays of a query's answer.
+
+    It is a dict. Each query's docstring lists its keys, such as ``t_hit``, with shapes and dtypes;
+    arrays that went to a folder are memory maps.
+
+    Attributes
+    ----------
+    stats : bfrt.stats.Stats
+        The counters of the query. ``stats.bad_rays`` counts rays that are NaN, infinite or of no
+        length; they hit nothing.
+    """
+
+    stats: Stats
+
+
+class Question(NamedTuple):
+    """Holds the rays that a caller asks about, and where the answer goes.
+
+    Attributes
+    ----------
+    origins, directions, t_min, t_max
+        As for `bfrt.cast_rays`.
+    out : mapping of arrays, or path-like, optional
+        Where the answer goes.
+    report : Report
+        Called after each pass.
+    """
+
+    origins: Given
+    directions: Given | None
+    t_min: ArrayLike
+    t_max: ArrayLike
+    out: Out | None
+    report: Report
+
+    def rays(self) -> Rays:
+        """Return the rays, to be read once.
+
+        Raises
+        ------
+        SettingError
+            If they have other shapes or dtypes than rays have.
+        """
+        return rays_of(self.origins, self.directions, self.t_min, self.t_max)
+
+
+#: Gives a tracer for some settings while a question is worked on.
+Sessions = Callable[[Settings], AbstractContextManager[Tracer]]
+
+
+class Query:
+    """Takes the rays of a question through the scene.
+
+    Parameters
+    ----------
+    tracer : Tracer
+    rays : Rays
+    kind : RayKind
+        EYE for nearest hits, SHADOW for any.
+    report : Report
+
+    Attributes
+    ----------
+    capacities : Capacities
+        Memory for rays and hits: no more than the rays fill, with one hit each, where their number
+        is known.
+    """
+
+    def __init__(self, tracer: Tracer, rays: Rays, kind: RayKind, report: Report) -> None:
+        self.tracer = tracer
+        whole = tracer.capacities
+        self.capacities = whole if rays.known is None else whole.for_hits(rays.known)
+        self.stats = stats_of(tracer)
+        self._queue = RayQueue(tracer.store, rays.blocks, kind)
+        self._known = rays.known
+        self._report = report
+        self._start = time.perf_counter()
+
+    @property
+    def rays(self) -> int:
+        """Return the number of rays so far: all, once they are traced."""
+        return self._queue.taken
+
+    def trace(self, take: Take, crossings: AllHits | None = None) -> None:
+        """Take all rays through the scene; `take` gets them, of QUERY_RAY, as they are complete."""
+        self.tracer.begin(self.stats)
+        with self.stats.depth(1) as counters:
+            outcome = Outcome(Complete(take), None, crossings)
+            self.tracer.trace(self._queue, outcome, counters, self._tell)
+            counters.rays.eye = self.rays
+
+    def _tell(self, done: int) -> None:
+        total = self.rays if self._known is None else self._known
+        tell(self._report, Progress(1, done, total))
+
+    def spool(self, dtype: np.dtype[Any], room: int) -> Spool:
+        """Return a spool that holds a number of records in memory."""
+        return Spool(dtype, room, self.tracer.scratch)
+
+    def answer(self, arrays: dict[str, NDArray[Any]]) -> Answer:
+        """Return the answer, with the counters."""
+        bad = self._queue.bad
+        answer = Answer(arrays)
+        answer.stats = self.stats
+        self.stats.total.seconds += time.perf_counter() - self._start
+        self.stats.bad_rays = bad
+        self.stats.peak_rss_bytes = peak_rss()
+        if bad:
+            log.warning("%d rays were NaN, infinite or of no length, and hit nothing", bad)
+        return answer
+
+
+class Complete:
+    """Hands rays on as they are complete, in place of a spool."""
+
+    def __init__(self, take: Take) -> None:
+        self._take = take
+
+    def append(self, records: NDArray[Any]) -> None:
+        self._take(records.view(QUERY_RAY))
+
+
+class Answers:
+    """Holds answers as they come, to be read in the order of rays.
+
+    Parameters
+    ----------
+    query : Query
+    dtype : numpy.dtype
+        The type of an answer's record.
+    rays : int
+        Rays whose memory they may take.
+    """
+
+    def __init__(self, query: Query, dtype: np.dtype[Any], rays: int) -> None:
+        self._room = max(FEWEST_HELD, rays * QUEUED_BYTES // dtype.itemsize)
+        self._spool = query.spool(dtype, self._room)
+        self._query = query
+        self.append = self._spool.append
+
+    def __len__(self) -> int:
+        return len(self._spool)
+
+    def ordered(self) -> Iterator[NDArray[Any]]:
+        """Yield them by ascending ray numbers, once all rays are traced."""
+        return ordered(self._spool, self._query.rays, self._room)
+
+    def __enter__(self) -> Answers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._spool.close()
