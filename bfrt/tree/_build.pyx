@@ -1,0 +1,206 @@
+"""The build of treelets: a window of boxes becomes treelets, each with its tree.
+
+::
+
+    boxes ─► references ─► split to TREELET objects or fewer ─► a treelet each
+                                                                   │ split to leaves
+                                                        nodes, breadth first; objects, leaf by leaf
+"""
+
+cimport cython
+from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
+
+import numpy as np
+
+from bfrt.geometry.box cimport Box, box_empty
+from bfrt.tree.node cimport INNER, WIDE, Node, node_boxes
+from bfrt.tree.split cimport (
+    RangeBox, Reference, half_surface, range_bounds, range_box, refer, referred, split_range,
+)
+
+#: Objects of a treelet, and of a leaf, at the most.
+TREELET = 1024
+LEAF = 4
+
+NODE = np.dtype("V80")
+#: A treelet: the box around it, its first object and its first node in the stream, and how many.
+TREELET_RECORD = np.dtype(
+    [
+        *((name, "<f4") for name in ("lox", "loy", "loz", "hix", "hiy", "hiz")),
+        ("first", "<u8"),
+        ("node", "<u8"),
+        ("count", "<u4"),
+        ("nodes", "<u4"),
+    ]
+)
+
+cdef packed struct Treelet:
+    Box box
+    uint64_t first
+    uint64_t node
+    uint32_t count
+    uint32_t nodes
+
+cdef enum:
+    DEEPEST = 32        # levels by the heuristic; what is below is halved
+    STACK = 64 + 8      # ranges that wait at the most: a level each, and 2^32 objects take 32 more
+
+cdef struct Range:
+    int64_t first
+    int64_t end
+    int depth
+    RangeBox around
+
+
+@cython.final
+cdef class TreeletBuilder:
+    """Builds the treelets of windows of up to `capacity` objects.
+
+    Attributes
+    ----------
+    nodes : (n,) NODE
+    treelets : (n,) TREELET_RECORD
+    order : (n,) uint32
+        The window's objects in the order of the treelets.
+    """
+
+    cdef object node_array, treelet_array, order_array, reference_array, range_array
+    cdef Node* node
+    cdef Treelet* treelet
+    cdef uint32_t* placed
+    cdef Reference* refs
+    cdef Range* ranges
+    cdef int64_t node_count, treelet_count, place, leaf, most, capacity
+
+    def __cinit__(self, int64_t capacity, int leaf=LEAF, int most=TREELET):
+        cdef uint8_t[::1] bytes_of
+        self.capacity = capacity
+        self.leaf, self.most = leaf, most
+        self.node_array = np.empty((capacity + 64) * 80, np.uint8)
+        self.treelet_array = np.empty((capacity + 1) * sizeof(Treelet), np.uint8)
+        self.order_array = np.empty(capacity, np.uint32)
+        self.reference_array = np.empty((capacity + 1) * 32, np.uint8)
+        self.range_array = np.empty((most + STACK + 8) * sizeof(Range) + 64, np.uint8)
+        bytes_of = self.node_array
+        self.node = <Node*>&bytes_of[0]
+        bytes_of = self.treelet_array
+        self.treelet = <Treelet*>&bytes_of[0]
+        bytes_of = self.reference_array
+        self.refs = <Reference*>((<size_t>&bytes_of[0] + 15) & ~<size_t>15)
+        bytes_of = self.range_array
+        self.ranges = <Range*>((<size_t>&bytes_of[0] + 15) & ~<size_t>15)
+
+    def build(self, const float[:, ::1] boxes):
+        """Build the treelets of a window, (n, 6) boxes; those of no extent come last."""
+        cdef uint32_t[::1] order = self.order_array
+        cdef int64_t i, n = 0, count = boxes.shape[0]
+        self.placed = &order[0]
+        self.node_count = self.treelet_count = self.place = 0
+        with nogil:
+            for i in range(count):
+                if not box_empty(<const Box*>&boxes[i, 0]):
+                    refer(&self.refs[n], &boxes[i, 0], &boxes[i, 3], <uint32_t>i)
+                    n += 1
+            if n:
+                self.part(n)
+            for i in range(count):
+                if box_empty(<const Box*>&boxes[i, 0]):
+                    self.placed[self.place] = <uint32_t>i
+                    self.place += 1
+                    if self.treelet_count:
+                        self.treelet[self.treelet_count - 1].count += 1
+        return (
+            self.node_array[: self.node_count * 80].view(NODE),
+            self.treelet_array[: self.treelet_count * sizeof(Treelet)].view(TREELET_RECORD),
+            self.order_array[:count],
+        )
+
+    cdef void part(self, int64_t n) noexcept nogil:
+        """Part a window of n references into treelets."""
+        cdef Range* stack = self.ranges
+        cdef Range whole
+        cdef Range* below
+        cdef int64_t depth = 1, middle
+        stack[0].first, stack[0].end, stack[0].depth = 0, n, 0
+        range_bounds(self.refs, n, &stack[0].around)
+        while depth:
+            depth -= 1
+            whole = stack[depth]
+            if whole.end - whole.first <= self.most:
+                self.treelet_of(&whole)
+                continue
+            below = &stack[depth]
+            middle = whole.first + split_range(
+                self.refs + whole.first, whole.end - whole.first, whole.depth >= DEEPEST,
+                &below[1].around, &below[0].around,
+            )
+            below[1].first, below[1].end = whole.first, middle
+            below[0].first, below[0].end = middle, whole.end
+            below[0].depth = below[1].depth = whole.depth + 1
+            depth += 2
+
+    cdef void treelet_of(self, const Range* whole) noexcept nogil:
+        """Build one treelet: its nodes, breadth first."""
+        cdef Treelet* t = &self.treelet[self.treelet_count]
+        cdef Node* nodes = self.node + self.node_count
+        cdef Range* queue = self.ranges + STACK
+        cdef int64_t k = 0, count = 1
+        t.box = range_box(&whole.around)
+        t.first, t.node = <uint64_t>self.place, <uint64_t>self.node_count
+        queue[0] = whole[0]
+        queue[0].depth = 0
+        while k < count:
+            count += self.expand(&queue[k], nodes + k, <uint32_t>count, &queue[count], t.first)
+            k += 1
+        t.count = <uint32_t>(self.place - <int64_t>t.first)
+        t.nodes = <uint32_t>count
+        self.node_count += count
+        self.treelet_count += 1
+
+    cdef int expand(self, const Range* whole, Node* node, uint32_t child, Range* queue,
+                    uint64_t base) noexcept nogil:
+        """Make a node; queue the children that are nodes, and return how many."""
+        cdef Range part[8]
+        cdef Box boxes[8]
+        cdef Range right
+        cdef float area, largest
+        cdef int i, n = 1, widest, inner = 0
+        cdef int64_t middle, k
+        part[0] = whole[0]
+        while n < WIDE:
+            widest, largest = -1, -1.0
+            for i in range(n):
+                area = half_surface(&part[i].around)
+                if part[i].end - part[i].first > self.leaf and area > largest:
+                    widest, largest = i, area
+            if widest < 0:
+                break
+            middle = part[widest].first + split_range(
+                self.refs + part[widest].first, part[widest].end - part[widest].first,
+                whole.depth >= DEEPEST, &part[widest].around, &right.around,
+            )
+            right.first, right.end = middle, part[widest].end
+            part[widest].end = middle
+            for i in range(n, widest + 1, -1):
+                part[i] = part[i - 1]
+            part[widest + 1] = right
+            n += 1
+        node.child, node.inner = child, 0
+        node.first = <uint32_t>(<uint64_t>self.place - base)
+        for i in range(WIDE):
+            node.count[i] = 0
+        for i in range(n):
+            boxes[i] = range_box(&part[i].around)
+            if part[i].end - part[i].first > self.leaf:
+                node.count[i] = INNER
+                node.inner |= <uint8_t>(1 << i)
+                queue[inner] = part[i]
+                queue[inner].depth = whole.depth + 1
+                inner += 1
+                continue
+            node.count[i] = <uint8_t>(part[i].end - part[i].first)
+            for k in range(part[i].first, part[i].end):
+                self.placed[self.place] = referred(&self.refs[k])
+                self.place += 1
+        node_boxes(node, boxes, n)
+        return inner
