@@ -1,0 +1,72 @@
+"""What nodes and walks of the tree say, one call at a time: for tests, which ask brute force too."""
+
+from libc.stdint cimport uint8_t, uint32_t, uint64_t
+
+import numpy as np
+
+from bfrt.geometry.box cimport Box, Span, box_span
+from bfrt.geometry.vector cimport Line, line, vec
+from bfrt.tree.node cimport WIDE, Node, Slope, node_boxes, node_spanner, quantum_of, slope_of
+from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Top, next_treelets
+
+
+cdef Line ray_of(origin, direction):
+    return line(vec(origin[0], origin[1], origin[2]), vec(direction[0], direction[1], direction[2]))
+
+
+def node_of(const float[:, ::1] boxes):
+    """Return the node, 80 bytes, of one to eight leaves of one object each, (n, 6) float32."""
+    cdef uint8_t[::1] memory = np.zeros(sizeof(Node), np.uint8)
+    cdef Node* node = <Node*>&memory[0]
+    cdef int i
+    node_boxes(node, <const Box*>&boxes[0, 0], <int>boxes.shape[0])
+    for i in range(boxes.shape[0]):
+        node.count[i] = 1
+    return np.asarray(memory)
+
+
+def node_sides(const uint8_t[::1] memory):
+    """Return the boxes of a node's eight children, (8, 6) float64, as they are decoded."""
+    cdef const Node* node = <const Node*>&memory[0]
+    cdef double[:, ::1] sides = np.empty((8, 6))
+    cdef int i, k
+    for i in range(WIDE):
+        for k in range(3):
+            sides[i, k] = node.low[k] + node.lo[k][i] * quantum_of(node.exponent[k])
+            sides[i, 3 + k] = node.low[k] + node.hi[k][i] * quantum_of(node.exponent[k])
+    return np.asarray(sides)
+
+
+def node_met(const uint8_t[::1] memory, origin, direction, double grow, float reach, bint plain):
+    """Return which children a ray enters by `reach`, as bits, and when at the latest, (8,)."""
+    cdef Line l = ray_of(origin, direction)
+    cdef Slope slope = slope_of(&l, grow)
+    cdef float[::1] near = np.empty(8, np.float32)
+    cdef unsigned int met = node_spanner(plain)(<const Node*>&memory[0], &slope, reach, &near[0])
+    return met, np.asarray(near)
+
+
+def box_met(const float[::1] box, origin, direction, double grow):
+    """Return the span in which a ray is inside a box grown by `grow`, or None."""
+    cdef Line l = ray_of(origin, direction)
+    cdef Span span
+    if not box_span(<const Box*>&box[0], grow, &l, &span):
+        return None
+    return span.near, span.far
+
+
+def treelets_met(const uint8_t[::1] nodes, const uint32_t[::1] leaves, const float[:, ::1] boxes,
+                 origin, direction, double grow, last, double reach, int most, bint plain):
+    """Return the next treelets that a ray enters: [(t, treelet), ...]."""
+    cdef Line l = ray_of(origin, direction)
+    cdef Slope slope = slope_of(&l, grow)
+    cdef Entry found[MOST_CANDIDATES]
+    cdef Entry before
+    cdef Top top
+    cdef uint64_t tests = 0
+    cdef int i, n
+    top.nodes, top.leaves = <const Node*>&nodes[0], &leaves[0]
+    top.boxes, top.grow, top.spans = <const Box*>&boxes[0, 0], grow, node_spanner(plain)
+    before.t, before.treelet = last
+    n = next_treelets(&top, &l, &slope, &before, reach, most, found, &tests)
+    return [(found[i].t, found[i].treelet) for i in range(n)]
