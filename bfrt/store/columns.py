@@ -71,8 +71,8 @@ def prepare(
     """
     wide = records.dtype == np.float64
     boxes = np.empty((len(materials), 6), np.float32)
+    degenerate, bad = bound(kind, records, counts, origin, boxes)
     flat = records.reshape(-1).view(np.uint8)
-    degenerate, bad = bound(kind, flat, counts, wide, origin, SCALARS[kind], boxes)
     return Prepared(kind, wide, flat, counts, materials, boxes, degenerate, bad, group)
 
 
