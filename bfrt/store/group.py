@@ -15,6 +15,7 @@ from bfrt.store.header import facts_of
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Vector
 from bfrt.store.store import bounds_to
+from bfrt.streams.atomic_write import refused
 
 
 class GroupWriter:
@@ -23,12 +24,16 @@ class GroupWriter:
     Parameters
     ----------
     folder : Path
-        The group's folder.
+        The group's folder, which is created.
     number : int
         The group's number.
     """
 
     def __init__(self, folder: Path, number: int, hierarchy: Hierarchy, durable: bool) -> None:
+        try:
+            folder.mkdir()
+        except OSError as error:
+            raise refused(folder, 0, error, "creating") from error
         self.streams: dict[Kind, StreamWriter] = {}
         self.hierarchy_seconds = 0.0
         self._folder = folder
