@@ -103,11 +103,12 @@ def test_hierarchy(benchmark: Any, tmp_path: Path) -> None:
     lo = np.sort(np.random.default_rng(4).uniform(0, 1, 1_000_000)).astype(np.float32)
     boxes = np.column_stack([lo] * 3 + [lo + 0.001] * 3)
     folders = (tmp_path / str(i) for i in range(1000))
+    ratio, _ = Hierarchy().threshold(len(boxes), 1)
 
     def fresh() -> tuple[tuple[Any, ...], dict[str, Any]]:
         folder = next(folders)
         folder.mkdir()
-        return (Level(folder, 1, len(boxes), 6.0, Hierarchy(), False),), {}
+        return (Level(folder / "level1", ratio * 6.0, False),), {}
 
     def merge(level: Level) -> None:
         level.add(boxes)

@@ -24,7 +24,8 @@ cdef struct Nearest:
     uint64_t* id
 
 
-cdef inline void settle(const BoxHit* met, int n, uint64_t id, Nearest* nearest) noexcept nogil:
+cdef inline void keep_nearest(const BoxHit* met, int n, uint64_t id,
+                              Nearest* nearest) noexcept nogil:
     """Take each hit whose (t, id) is less than its ray's."""
     cdef int i
     cdef uint32_t ray
@@ -157,10 +158,10 @@ def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ray
                 pending += 1
                 if pending == TOGETHER:
                     shape_meet(&shape, &met[0], pending)
-                    settle(&met[0], pending, id, &nearest)
+                    keep_nearest(&met[0], pending, id, &nearest)
                     pending = 0
             shape_meet(&shape, &met[0], pending)
-            settle(&met[0], pending, id, &nearest)
+            keep_nearest(&met[0], pending, id, &nearest)
 
 
 def cross(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] rays, list found):

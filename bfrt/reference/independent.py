@@ -58,6 +58,10 @@ CHUNK = 1 << 12  # of them, objects
 #: hundred that `stable` lets an error grow: then they agree to 1e-9 wherever `stable` says so.
 ROUNDING = 1024 * float(np.finfo(np.float64).eps)
 
+#: A ray is nudged by so much of the way to its hit, and its t may then move by so much of itself.
+NUDGE = 1e-9
+NUDGED_RTOL = 1e-7
+
 #: A ray touches an edge if it passes by it within so many times what it is nudged.
 MARGIN = 8.0
 
@@ -262,12 +266,10 @@ def stable(
     t: Array,
     ids: Ids,
     t_max: ArrayLike = np.inf,
-    nudge: float = 1e-9,
-    rtol: float = 1e-7,
 ) -> Mask:
     """Tell which rays keep their hit when they are nudged a little.
 
-    The origin is moved by `nudge` times the way to the hit (but no more than the scene's diagonal),
+    The origin is moved by `NUDGE` times the way to the hit (but no more than the scene's diagonal),
     and `ROUNDING` times the way to the scene's far end; the direction is turned so that the ray
     moves by as much at the hit. So a ray from far away is nudged by what it is to the scene, not by
     what it is to the distance. A ray that passes within `MARGIN` times that of an edge or a tip, or
@@ -280,37 +282,32 @@ def stable(
     t, ids : (n,)
         What `nearest` answers for these rays. (Not what the program under test answers: where that
         is wrong, no nudged ray would agree, and the error would pass as unstable.)
-    nudge : float
-        How far, relative to the way.
-    rtol : float
-        How far t may move, relative to t.
-
     Returns
     -------
     (n,) bool
-        True where all six nudged rays have the same id, and t within `rtol`.
+        True where all six nudged rays have the same id, and t within `NUDGED_RTOL` of it.
     """
     start = np.atleast_2d(np.asarray(origins, np.float64))
     way = np.atleast_2d(np.asarray(directions, np.float64))
     length = np.linalg.norm(way, axis=1)
-    shift, turn = _amounts(objects, start, t * length, nudge)
+    shift, turn = _amounts(objects, start, t * length)
     same = ~_touching(objects, start, way, t * length, MARGIN * shift)
     for move, swing in zip(_NUDGES, np.roll(_NUDGES, -1, axis=0), strict=True):
         for sign in (-1.0, 1.0):
             moved = start + (sign * shift)[:, None] * move
             swung = way + (sign * turn * length)[:, None] * swing
             there, name = nearest(objects, moved, swung, t_max)
-            same &= (name == ids) & _close(there, t, rtol)
+            same &= (name == ids) & _close(there, t, NUDGED_RTOL)
     return same
 
 
-def _amounts(objects: Objects, start: Array, way: Array, nudge: float) -> tuple[Array, Array]:
+def _amounts(objects: Objects, start: Array, way: Array) -> tuple[Array, Array]:
     """Return how far to move each origin, and by what part of its length to turn each direction."""
     low, high = objects.bounds()
     diagonal = float(np.linalg.norm(high - low))
     reach = np.linalg.norm(np.maximum(np.abs(low - start), np.abs(high - start)), axis=1)
     coarse = reach + np.abs(start).max(axis=1, initial=0.0)
-    shift = nudge * np.minimum(way, diagonal) + ROUNDING * coarse
+    shift = NUDGE * np.minimum(way, diagonal) + ROUNDING * coarse
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = np.fmin(shift / np.minimum(way, reach), 1.0)
     return shift, turn

@@ -3,7 +3,7 @@
 ::
 
     size ─► SpdScene: balls, gears, ... ─► tasks ─► blocks of parts ─┬─► write: a scene store
-              (recipe)                     any thread makes one      └─► write_nff: text
+              (recipe)                     any thread makes one      └─► write_nff: text (nff)
 
 A task makes up to about 70,000 objects and needs no other task, so that any size streams.
 """
@@ -85,12 +85,7 @@ def gears(size: int) -> SpdScene:
     Returns
     -------
     SpdScene
-        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
-
-    Raises
-    ------
-    SettingError
-        If the size is less than 1.
+        As for `balls`, with the same errors.
     """
     return Gears(size)
 
@@ -109,7 +104,7 @@ def mount(size: int, hash: str = "package") -> SpdScene:
     Returns
     -------
     SpdScene
-        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
+        As for `balls`.
 
     Raises
     ------
@@ -130,12 +125,7 @@ def rings(size: int) -> SpdScene:
     Returns
     -------
     SpdScene
-        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
-
-    Raises
-    ------
-    SettingError
-        If the size is less than 1.
+        As for `balls`, with the same errors.
     """
     return Rings(size)
 
@@ -151,12 +141,7 @@ def teapot(size: int) -> SpdScene:
     Returns
     -------
     SpdScene
-        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
-
-    Raises
-    ------
-    SettingError
-        If the size is less than 1.
+        As for `balls`, with the same errors.
     """
     return Teapot(size)
 
@@ -172,12 +157,7 @@ def tetra(size: int) -> SpdScene:
     Returns
     -------
     SpdScene
-        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
-
-    Raises
-    ------
-    SettingError
-        If the size is less than 1.
+        As for `balls`, with the same errors.
     """
     return Tetra(size)
 
@@ -193,12 +173,7 @@ def tree(size: int) -> SpdScene:
     Returns
     -------
     SpdScene
-        A recipe: `SpdScene.write` makes a scene store of it, `SpdScene.write_nff` a file.
-
-    Raises
-    ------
-    SettingError
-        If the size is less than 1.
+        As for `balls`, with the same errors.
     """
     return Tree(size)
 

@@ -3,17 +3,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-def halve(
-    z: NDArray[np.float64],
-    x: int,
-    y: int,
-    side: int,
-    rise: float,
-    size: int,
-    jenkins: bool,
-    deviates: NDArray[np.float64],
-    finer: NDArray[np.float64],
-) -> None: ...
+class Noise:
+    def __init__(self, size: int, jenkins: bool, deviates: NDArray[np.float64]) -> None: ...
+    def halve(
+        self,
+        z: NDArray[np.float64],
+        x: int,
+        y: int,
+        side: int,
+        rise: float,
+        finer: NDArray[np.float64],
+    ) -> None: ...
+
 def triangles(
     z: NDArray[np.float64],
     xs: NDArray[np.float64],

@@ -1,5 +1,6 @@
 """A square of the mountain: halved until its cells are its own, and written as triangles."""
 
+cimport cython
 from libc.stdint cimport int32_t, int64_t
 
 cdef double DIAGONAL = 1.4142136  # the package's square root of 2, for the middle of a square
@@ -8,8 +9,8 @@ ctypedef fused scalar:
     float
     double
 
-# How noise is found: by which hash, for which size of mountain, from which table.
-cdef struct Noise:
+# Where noise comes from: which hash, of which size of mountain, and what its values stand for.
+cdef struct Source:
     const double* deviates
     int size
     bint jenkins
@@ -49,48 +50,66 @@ cdef inline int64_t jenkins_hash(int64_t x, int64_t y, int size) noexcept nogil:
     return m[2] & 0xFFFF
 
 
-cdef inline double noise_at(const Noise* noise, int64_t x, int64_t y) noexcept nogil:
-    if noise.jenkins:
-        return noise.deviates[jenkins_hash(x, y, noise.size)]
-    return noise.deviates[package_hash(x, y, noise.size)]
+cdef inline double noise_at(const Source* source, int64_t x, int64_t y) noexcept nogil:
+    if source.jenkins:
+        return source.deviates[jenkins_hash(x, y, source.size)]
+    return source.deviates[package_hash(x, y, source.size)]
 
 
-def halve(const double[:, ::1] z, int64_t x, int64_t y, int64_t side, double rise, int size,
-          bint jenkins, const double[::1] deviates, double[:, ::1] finer):
-    """Halve squares: points between neighbors, and in the middle of four.
+@cython.final
+cdef class Noise:
+    """Gives a mountain its noise, which is taken from a table by a hash of where a point is.
 
     Parameters
     ----------
-    z : (m + 1, m + 1) float64
-        IN. Heights at the corners of m x m squares, row by row in y.
-    x, y, side : int
-        The first corner, and the side of a square, in cells.
-    rise : float
-        The factor of the noise.
-    size, jenkins, deviates
-        Of the mountain; which hash it has; the noise of each value, (65536,) float64.
-    finer : (2m + 1, 2m + 1) float64
-        OUT.
+    size : int
+        Of the mountain.
+    jenkins : bool
+        Whether the hash is Bob Jenkins's, not the package's first.
+    deviates : (65536,) float64
+        The noise of each value of the hash.
     """
-    cdef Noise noise
-    cdef int64_t i, j, m = z.shape[0] - 1, half = side // 2, px, py
-    noise.deviates, noise.size, noise.jenkins = &deviates[0], size, jenkins
-    with nogil:
-        for j in range(m + 1):
-            py = y + side * j
-            for i in range(m + 1):
-                px = x + side * i
-                finer[2 * j, 2 * i] = z[j, i]
-                if i < m:
-                    finer[2 * j, 2 * i + 1] = ((z[j, i] + z[j, i + 1]) / 2.0
-                                               + rise * noise_at(&noise, px + half, py))
-                if j < m:
-                    finer[2 * j + 1, 2 * i] = ((z[j, i] + z[j + 1, i]) / 2.0
-                                               + rise * noise_at(&noise, px, py + half))
-                if i < m and j < m:
-                    finer[2 * j + 1, 2 * i + 1] = (
-                        (z[j, i] + z[j, i + 1] + z[j + 1, i + 1] + z[j + 1, i]) / 4.0
-                        + DIAGONAL * rise * noise_at(&noise, px + half, py + half))
+
+    cdef Source source
+    cdef const double[::1] deviates
+
+    def __cinit__(self, int size, bint jenkins, const double[::1] deviates):
+        self.deviates = deviates
+        self.source.deviates, self.source.size, self.source.jenkins = &deviates[0], size, jenkins
+
+    def halve(self, const double[:, ::1] z, int64_t x, int64_t y, int64_t side, double rise,
+              double[:, ::1] finer):
+        """Halve squares: points between neighbors, and in the middle of four.
+
+        Parameters
+        ----------
+        z : (m + 1, m + 1) float64
+            IN. Heights at the corners of m x m squares, row by row in y.
+        x, y, side : int
+            The first corner, and the side of a square, in cells.
+        rise : float
+            The factor of the noise.
+        finer : (2m + 1, 2m + 1) float64
+            OUT.
+        """
+        cdef Source source = self.source  # which no store to `finer` can change
+        cdef int64_t i, j, m = z.shape[0] - 1, half = side // 2, px, py
+        with nogil:
+            for j in range(m + 1):
+                py = y + side * j
+                for i in range(m + 1):
+                    px = x + side * i
+                    finer[2 * j, 2 * i] = z[j, i]
+                    if i < m:
+                        finer[2 * j, 2 * i + 1] = ((z[j, i] + z[j, i + 1]) / 2.0
+                                                   + rise * noise_at(&source, px + half, py))
+                    if j < m:
+                        finer[2 * j + 1, 2 * i] = ((z[j, i] + z[j + 1, i]) / 2.0
+                                                   + rise * noise_at(&source, px, py + half))
+                    if i < m and j < m:
+                        finer[2 * j + 1, 2 * i + 1] = (
+                            (z[j, i] + z[j, i + 1] + z[j + 1, i + 1] + z[j + 1, i]) / 4.0
+                            + DIAGONAL * rise * noise_at(&source, px + half, py + half))
 
 
 cdef inline scalar* point(scalar* out, double x, double y, double z) noexcept nogil:

@@ -73,26 +73,21 @@ cdef char* line(char* p, const Column* c, int64_t i) noexcept nogil:
     return outline(p, c.records + 9 * i, 3)
 
 
-def lines(kinds, columns, starts, const int64_t[::1] owner, const int64_t[::1] index,
-          const uint32_t[::1] materials, fills, int64_t current):
+def lines(columns, const int64_t[::1] owner, const int64_t[::1] index,
+          const uint32_t[::1] materials, fills):
     """Return the text of a block.
 
     Parameters
     ----------
-    kinds : sequence of int
-        The kind of each column.
-    columns : sequence of (m,) float64
-        The numbers of their objects.
-    starts : sequence of (n + 1,) int64
-        Where each polygon begins, in vertices; not used for other kinds.
+    columns : sequence of (int, (m,) float64, (n + 1,) int64)
+        The kind of each, the numbers of its objects, and where each polygon begins, in vertices:
+        not used for other kinds.
     owner, index : (objects,) int64
         Which column each object is in, and where.
     materials : (objects,) uint32
-        Their materials: `fills` of one stands before an object whose material is another than
-        that of the one before.
+        Their materials: `fills` of one stands before the first object, and before each whose
+        material is another than that of the one before.
     fills : sequence of bytes
-    current : int
-        The material before the first object, or -1.
 
     Returns
     -------
@@ -100,19 +95,18 @@ def lines(kinds, columns, starts, const int64_t[::1] owner, const int64_t[::1] i
     """
     cdef Column c[KINDS]
     cdef const double[::1] records
-    cdef const int64_t[::1] begins
+    cdef const int64_t[::1] starts
     cdef const unsigned char[::1] fill_text = np.frombuffer(b"".join(fills) + b"\n", np.uint8)
     cdef const int64_t[::1] fill_at = np.cumsum([0, *map(len, fills)])
-    cdef int64_t i, total = 0, n = owner.shape[0], longest = max(map(len, fills))
+    cdef int64_t i, current = -1, total = 0, n = owner.shape[0], longest = max(map(len, fills))
     cdef int k
     cdef char* p
-    if len(kinds) > KINDS:
-        raise ValueError(f"lines: found {len(kinds)} columns, expected {KINDS} at the most")
-    for k in range(len(kinds)):
-        records, begins = columns[k], starts[k]
-        c[k].kind = kinds[k]
+    if len(columns) > KINDS:
+        raise ValueError(f"lines: found {len(columns)} columns, expected {KINDS} at the most")
+    for k in range(len(columns)):
+        c[k].kind, records, starts = columns[k]
         c[k].records = &records[0] if records.shape[0] else NULL
-        c[k].starts = &begins[0]
+        c[k].starts = &starts[0]
         total += records.shape[0]
     changes = int(np.count_nonzero(np.diff(materials, prepend=current)))
     out = np.empty(total * NUMBER + n * OBJECT + changes * longest, np.uint8)

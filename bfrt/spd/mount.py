@@ -18,8 +18,9 @@ import numpy.typing as npt
 
 from bfrt.errors import SettingError
 from bfrt.records import Kind
-from bfrt.spd._mount import halve, triangles
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
+from bfrt.spd._mount import Noise, triangles
+from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Part, Scalar, Task
+from bfrt.spd.recipe import SpdScene, phong_power
 from bfrt.store.model import Camera, Light, Material
 
 DIMENSION = 2.2
@@ -120,13 +121,17 @@ class Mount(SpdScene):
         """
         finer = np.empty((2 * len(z) - 1, 2 * len(z) - 1))
         rise = square.side // 2 * SIDE / (1 << self.size) * ROUGHNESS
-        jenkins = self.hash == "jenkins"
-        halve(z, square.x, square.y, square.side, rise, self.size, jenkins, _gauss(), finer)
+        _noise(self.size, self.hash).halve(z, square.x, square.y, square.side, rise, finer)
         return finer
 
 
 #: The quarters of a square in the order of the halving, (x, y).
 QUARTERS = ((0, 0), (1, 0), (1, 1), (0, 1))
+
+
+@lru_cache(maxsize=4)
+def _noise(size: int, hash: str) -> Noise:
+    return Noise(size, hash == "jenkins", _gauss())
 
 
 @lru_cache(maxsize=1)

@@ -15,7 +15,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,8 @@ import numpy.typing as npt
 from bfrt.errors import Cancelled, DiskFullError, SettingError
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
-from bfrt.spd._text import lines
+from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Scalar, Task
+from bfrt.spd.nff import BlockText, block_text, fill_text, head_text
 from bfrt.store.columns import prepare
 from bfrt.store.extent import Extent
 from bfrt.store.hierarchy import Hierarchy
@@ -31,43 +32,8 @@ from bfrt.store.model import Camera, Light, Material, Vector
 from bfrt.streams.atomic_write import refused
 from bfrt.workers import ahead, usable_threads
 
-#: Objects of a block: 66,430 balls are the largest part of a tree of balls that is near 2^16.
-BLOCK_OBJECTS = 70_000
-
 ORIGIN = (0.0, 0.0, 0.0)
 
-
-class Part(NamedTuple):
-    """Holds the objects of one kind in a block.
-
-    Attributes
-    ----------
-    kind : Kind
-        Which primitive.
-    records : ndarray of float32 or float64, shape (n, SCALARS[kind])
-        One object a row; for polygons one vertex a row.
-    materials : ndarray of uint32, shape (n,)
-        Indices into the scene's `materials`.
-    places : ndarray of int64, shape (n,)
-        Each object's place in the block, in the package's order over all kinds.
-    counts : ndarray of int64, shape (n,), or None
-        For polygons: the number of vertices of each.
-    """
-
-    kind: Kind
-    records: npt.NDArray[Any]
-    materials: npt.NDArray[np.uint32]
-    places: npt.NDArray[np.int64]
-    counts: npt.NDArray[np.int64] | None = None
-
-
-Block = tuple[Part, ...]
-
-#: The dtype of coordinates: float64 is computed in any case, float32 is half the way to a store.
-Scalar = type[np.float32] | type[np.float64]
-
-#: Makes a block; any thread may do it.
-Task = Callable[[Scalar], Block]
 
 #: Called with the objects that are done; returning False cancels.
 Report = Callable[[int], object]
@@ -156,7 +122,7 @@ class SpdScene(abc.ABC):
         for block in self._small().blocks(dtype=np.float32):
             for part in block:
                 records = np.ascontiguousarray(part.records)
-                columns = prepare(part.kind, records, _counts(part), part.materials, ORIGIN)
+                columns = prepare(part.kind, records, part.vertex_counts, part.materials, ORIGIN)
                 extent.add(columns.boxes, first)
                 first += len(part.materials)
         return extent.outliers()[1].surface
@@ -204,7 +170,7 @@ class SpdScene(abc.ABC):
         def prepare(task: Task) -> tuple[int, list[Any]]:
             parts = [part for part in task(np.float32) if len(part.materials)]
             prepared = [
-                sink.prepare(part.kind, part.records, _counts(part), numbers[part.materials])
+                sink.prepare(part.kind, part.records, part.vertex_counts, numbers[part.materials])
                 for part in parts
             ]
             return sum(len(part.materials) for part in parts), prepared
@@ -278,30 +244,27 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False; the file has the text written so far.
         """
-        file.write(_head(self.background, self.camera, self.lights))
+        file.write(head_text(self.background, self.camera, self.lights))
         fills = [self.fill(number).encode() for number in range(len(self.materials))]
 
-        def text(task: Task) -> tuple[_Ordered, str]:
-            block = _ordered(task(np.float64))
-            # The first object's material is named; whether it has to be, the one before it tells.
-            return block, _text(block, fills, -1)
+        def text(task: Task) -> BlockText:
+            return block_text(task(np.float64), fills)
 
         current, done = -1, 0
         count = usable_threads() if threads is None else threads
-        for block, written in ahead(text, self.tasks(), count):
-            if not len(block.materials):
+        for block in ahead(text, self.tasks(), count):
+            if not block.objects:
                 continue
-            same = int(block.materials[0]) == current
-            file.write(written[len(fills[current]) :] if same else written)
-            current = int(block.materials[-1])
-            done += len(block.materials)
+            same = block.first == current
+            file.write(block.text[len(fills[current]) :] if same else block.text)
+            current = block.last
+            done += block.objects
             if progress is not None and progress(done) is False:
                 raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
 
     def fill(self, material: int) -> str:
         """Return the line of text that sets a material."""
-        m = self.materials[material]
-        return f"f {_numbers(*m.color, *m[1:])}\n"
+        return fill_text(self.materials[material])
 
     def __repr__(self) -> str:
         return f"<bfrt.spd.{self.name}({self.size}), {self.objects} objects>"
@@ -319,43 +282,6 @@ def phong_power(degrees: float) -> float:
     return math.log(0.5) / math.log(math.cos(math.radians(degrees)))
 
 
-def _head(background: Vector, camera: Camera, lights: tuple[Light, ...]) -> str:
-    lines = [
-        f"b {_numbers(*background)}",
-        "v",
-        f"from {_numbers(*camera.eye)}",
-        f"at {_numbers(*camera.at)}",
-        f"up {_numbers(*camera.up)}",
-        f"angle {_numbers(camera.angle)}",
-        f"hither {_numbers(camera.hither)}",
-        "resolution {} {}".format(*camera.resolution),
-        *(f"l {_numbers(*light.position)}" for light in lights),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _numbers(*values: float) -> str:
-    return " ".join(f"{value:g}" for value in values)
-
-
-def square(half: float, z: float, dtype: Scalar) -> Block:
-    """Make a level square about the z axis, of the scene's first material."""
-    corners = [(half, half, z), (-half, half, z), (-half, -half, z), (half, -half, z)]
-    return polygon(corners, dtype)
-
-
-def polygon(corners: list[Vector], dtype: Scalar) -> Block:
-    """Make one polygon, of the scene's first material."""
-    part = Part(
-        Kind.POLYGON,
-        np.array(corners, dtype),
-        materials=np.zeros(1, dtype=np.uint32),
-        places=np.zeros(1, dtype=np.int64),
-        counts=np.array([len(corners)], dtype=np.int64),
-    )
-    return (part,)
-
-
 def check_room(path: str | os.PathLike[str], needed: int) -> None:
     """Refuse a store that the disk has no room for, before it is begun."""
     folder = Path(os.path.realpath(path)).parent
@@ -365,47 +291,3 @@ def check_room(path: str | os.PathLike[str], needed: int) -> None:
         raise refused(folder, 0, error, "examining") from error
     if free < needed:
         raise DiskFullError(path, 0, errno.ENOSPC, f"writing {needed} bytes where {free} are free,")
-
-
-def _counts(part: Part) -> npt.NDArray[np.uint32]:
-    if part.counts is None:
-        return np.zeros(len(part.materials), np.uint32)
-    return part.counts.astype(np.uint32)
-
-
-class _Ordered(NamedTuple):
-    """Maps a block's objects, in the package's order, to their parts and their places there."""
-
-    parts: Block
-    owner: npt.NDArray[np.int64]
-    place: npt.NDArray[np.int64]
-    materials: npt.NDArray[np.uint32]
-
-
-def _ordered(block: Block) -> _Ordered:
-    total = sum(len(part.materials) for part in block)
-    owner, index = np.empty(total, np.int64), np.empty(total, np.int64)
-    materials = np.empty(total, np.uint32)
-    for number, part in enumerate(block):
-        owner[part.places] = number
-        index[part.places] = np.arange(len(part.places))
-        materials[part.places] = part.materials
-    return _Ordered(block, owner, index, materials)
-
-
-def _text(block: _Ordered, fills: list[bytes], current: int) -> str:
-    return lines(
-        [part.kind for part in block.parts],
-        [np.ascontiguousarray(part.records).reshape(-1) for part in block.parts],
-        [_starts(part) for part in block.parts],
-        block.owner,
-        block.place,
-        block.materials,
-        fills,
-        current,
-    ).decode("ascii")
-
-
-def _starts(part: Part) -> npt.NDArray[np.int64]:
-    counts = np.zeros(0, np.int64) if part.counts is None else part.counts
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, polygon
+from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Part, Scalar, Task, polygon
+from bfrt.spd.recipe import SpdScene, phong_power
 from bfrt.store.model import Camera, Light, Material
 
 RADIUS = 0.07412

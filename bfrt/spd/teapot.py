@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
+from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Part, Scalar, Task
 from bfrt.spd.newell import PATCHES, POINTS
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
+from bfrt.spd.recipe import SpdScene, phong_power
 from bfrt.store.model import Camera, Light, Material
 
 #: Patches of which one side is a point: the lid's four about its knob, the bottom's four.

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power
+from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Part, Scalar, Task
+from bfrt.spd.recipe import SpdScene, phong_power
 from bfrt.store.model import Camera, Light, Material
 
 CORNERS = np.array([(-1.0, -1.0, 1.0), (-1.0, 1.0, -1.0), (1.0, -1.0, -1.0), (1.0, 1.0, 1.0)])

@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.records import Kind
-from bfrt.spd.recipe import BLOCK_OBJECTS, Block, Part, Scalar, SpdScene, Task, phong_power, square
+from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Part, Scalar, Task, square
+from bfrt.spd.recipe import SpdScene, phong_power
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
 

@@ -2,10 +2,17 @@
 
 ::
 
-    arrays ─► given ─► StoreWriter ─► prepare ─► GroupWriter ─► StreamWriter ─► FileWriter
-                           │         (columns)        ├── Extent: bounds, outliers
-                           │                          └── Level: merged boxes (hierarchy)
-                           └──► header ◄── checks ── open_store ─► Store ─► Group ─► Stream
+    StoreWriter     a caller's arrays (given), view and lights      ─► header ─► AtomicFolder
+        │ records, in world coordinates
+    RecordWriter    Coordinates: dtype, origin; PaletteWriter: materials and their indices
+        │ prepare (columns): blocks of one kind with their boxes
+    GroupWriter     Extent: bounds, outliers
+        │ blocks in the order of the objects
+    StreamWriter    a column a file; HierarchyWriter: levels of merged boxes
+        │ bytes
+    FileWriter      length and checksum, for the header
+
+    open_store ─► Store ─► Group ─► Stream
 
 Writing streams blocks through once; opening reads the header alone, and `bfrt.scan` the rest.
 """

@@ -1,23 +1,24 @@
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST: int
+
+class LargestBoxes:
+    def add(self, boxes: NDArray[np.float32], first: int) -> None: ...
+    @property
+    def ids(self) -> NDArray[np.uint64]: ...
+    @property
+    def boxes(self) -> NDArray[np.float32]: ...
+    @property
+    def rest(self) -> NDArray[np.float64]: ...
+
 def bound(
     kind: int,
-    geometry: NDArray[np.uint8],
+    records: NDArray[Any],
     counts: NDArray[np.uint32],
-    wide: bool,
     origin: Sequence[float],
-    scalars: int,
     boxes: NDArray[np.float32],
 ) -> tuple[int, int]: ...
-def gather(
-    boxes: NDArray[np.float32],
-    first: int,
-    rest: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    largest: NDArray[np.float32],
-    largest_ids: NDArray[np.uint64],
-    count: int,
-) -> int: ...

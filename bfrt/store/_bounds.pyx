@@ -1,14 +1,37 @@
 """Boxes of records, and what all of them together reach: the writer's loops."""
 
+cimport cython
 from libc.math cimport isfinite
 from libc.stdint cimport int64_t, uint32_t, uint64_t
-from libc.string cimport memcpy
 
-from bfrt.geometry.box cimport Box, box_clear
+import numpy as np
+
+from bfrt.geometry.box cimport Box, box_add, box_clear
 from bfrt.geometry.coordinates cimport Frame, number
 from bfrt.geometry.shape cimport Shape, shape_bounds, shape_load
-from bfrt.geometry.vector cimport larger, smaller, vec
+from bfrt.geometry.vector cimport larger, vec
 from bfrt.records cimport POLYGON
+
+cpdef enum:
+    LARGEST = 64  # boxes kept aside while a group is written
+
+ctypedef fused scalar:
+    float
+    double
+
+# Objects of one kind as they lie in memory; of polygons, how many vertices each has.
+cdef struct Block:
+    int kind
+    Frame frame
+    const unsigned char* records
+    int64_t scalars       # of an object; of a polygon's vertex
+    const uint32_t* counts
+
+# A box among the largest: they are ordered by size, the square of the diagonal, then by id.
+cdef struct Large:
+    double size
+    uint64_t id
+    Box box
 
 
 cdef bint finite(const unsigned char* record, int64_t n, bint wide) noexcept nogil:
@@ -19,22 +42,44 @@ cdef bint finite(const unsigned char* record, int64_t n, bint wide) noexcept nog
     return True
 
 
-def bound(int kind, const unsigned char[::1] geometry, const uint32_t[::1] counts, bint wide,
-          origin, int scalars, float[:, ::1] boxes):
+cdef int64_t bound_all(const Block* block, Box* boxes, int64_t n,
+                       int64_t* degenerate) noexcept nogil:
+    """Compute n boxes and count degenerate objects; return the first that is bad, or -1."""
+    cdef Shape shape
+    cdef const unsigned char* record = block.records
+    cdef bint wide = block.frame.wide
+    cdef int64_t i, numbers, size = 8 if wide else 4
+    for i in range(n):
+        numbers = block.scalars
+        if block.kind == POLYGON:
+            numbers *= block.counts[i]
+        if not finite(record, numbers, wide):
+            return i
+        if shape_load(block.kind, record, block.counts[i], &block.frame, &shape):
+            shape_bounds(&shape, &boxes[i])
+            if not finite(<const unsigned char*>&boxes[i], 6, False):
+                return i
+        else:
+            box_clear(&boxes[i])
+            degenerate[0] += 1
+        record += numbers * size
+    return -1
+
+
+def bound(int kind, const scalar[:, ::1] records, const uint32_t[::1] counts, origin,
+          float[:, ::1] boxes):
     """Compute the boxes of a block of records.
 
     Parameters
     ----------
     kind : int
         The primitive kind.
-    geometry : (bytes,) uint8
-        IN. The records, float64 if `wide`, else float32.
+    records : (n, scalars) float32 or float64
+        IN. One object a row; for polygons one vertex a row.
     counts : (n,) uint32
         IN. Number of vertices of each polygon; for other kinds (n,) of anything, not used.
     origin : sequence of 3 float
-        Taken off wide coordinates.
-    scalars : int
-        Numbers in a record (in a vertex, for polygons).
+        Taken off float64 coordinates.
     boxes : (n, 6) float32
         OUT. lo and hi, relative to the origin; inf and -inf for a degenerate object.
 
@@ -45,98 +90,91 @@ def bound(int kind, const unsigned char[::1] geometry, const uint32_t[::1] count
     bad : int
         Index of the first record that is not finite, or whose box is not; -1 for none.
     """
-    cdef Frame frame
-    cdef Shape shape
-    cdef Box* box
-    cdef const unsigned char* record = &geometry[0] if geometry.shape[0] else NULL
-    cdef int64_t i, n = boxes.shape[0], numbers, degenerate = 0, bad
-    cdef int64_t size = 8 if wide else 4
-    frame.wide = wide
-    frame.origin = vec(origin[0], origin[1], origin[2])
+    cdef Block block
+    cdef int64_t degenerate = 0, bad
+    block.kind = kind
+    block.frame.wide = scalar is double
+    block.frame.origin = vec(origin[0], origin[1], origin[2])
+    block.records = <const unsigned char*>&records[0, 0] if records.shape[0] else NULL
+    block.scalars = records.shape[1]
+    block.counts = &counts[0] if counts.shape[0] else NULL
     with nogil:
-        for i in range(n):
-            numbers = scalars * <int64_t>counts[i] if kind == POLYGON else scalars
-            if not finite(record, numbers, wide):
-                bad = i
-                break
-            box = <Box*>&boxes[i, 0]
-            if shape_load(kind, record, counts[i], &frame, &shape):
-                shape_bounds(&shape, box)
-                if not finite(<const unsigned char*>box, 6, False):
-                    bad = i
-                    break
-            else:
-                box_clear(box)
-                degenerate += 1
-            record += numbers * size
-        else:
-            bad = -1
+        bad = bound_all(&block, <Box*>&boxes[0, 0] if boxes.shape[0] else NULL, boxes.shape[0],
+                        &degenerate)
     return degenerate, bad
 
 
-cdef inline bint before(double size, uint64_t id, double other, uint64_t other_id) noexcept nogil:
-    """Tell whether a box comes before another among the largest: by size, then by id."""
-    return size > other or (size == other and id < other_id)
+cdef inline bint before(const Large* one, const Large* other) noexcept nogil:
+    """Tell whether a box comes before another among the largest."""
+    return one.size > other.size or (one.size == other.size and one.id < other.id)
 
 
-cdef inline double size_of(const float* box) noexcept nogil:
+cdef inline double size_of(const Box* box) noexcept nogil:
     """Return the square of a box's diagonal; 0 where it holds no point."""
-    cdef double x = larger(<double>box[3] - box[0], 0.0)
-    cdef double y = larger(<double>box[4] - box[1], 0.0)
-    cdef double z = larger(<double>box[5] - box[2], 0.0)
+    cdef double x = larger(<double>box.hi[0] - box.lo[0], 0.0)
+    cdef double y = larger(<double>box.hi[1] - box.lo[1], 0.0)
+    cdef double z = larger(<double>box.hi[2] - box.lo[2], 0.0)
     return x * x + y * y + z * z
 
 
-cdef inline void reach(double* rest, const float* box) noexcept nogil:
-    cdef int k
-    for k in range(3):
-        rest[k] = smaller(box[k], rest[k])
-        rest[3 + k] = larger(box[3 + k], rest[3 + k])
+cdef list sides_of(const Box* box):
+    return [box.lo[0], box.lo[1], box.lo[2], box.hi[0], box.hi[1], box.hi[2]]
 
 
-def gather(const float[:, ::1] boxes, uint64_t first, double[::1] rest, double[::1] sizes,
-           float[:, ::1] largest, uint64_t[::1] largest_ids, int count):
-    """Keep the largest boxes, and take the others into bounds.
+@cython.final
+cdef class LargestBoxes:
+    """Keeps the `LARGEST` largest of many boxes, and one box around all others."""
 
-    Parameters
-    ----------
-    boxes : (n, 6) float32
-        IN. lo and hi; inf and -inf for a degenerate object.
-    first : int
-        The first one's id; the others' follow.
-    rest : (6,) float64
-        IN, OUT. The bounds of all boxes that are not kept.
-    sizes, largest, largest_ids : (room,) float64, (room, 6) float32, (room,) uint64
-        IN, OUT. The boxes that are kept, the largest first.
-    count : int
-        Number of boxes kept so far.
+    cdef Large largest[LARGEST]  # the first `count`, the largest first
+    cdef int count
+    cdef Box rest                # around the others
 
-    Returns
-    -------
-    count : int
-    """
-    cdef int64_t i
-    cdef uint64_t id
-    cdef int j, room = <int>sizes.shape[0]
-    cdef double size
-    with nogil:
-        for i in range(boxes.shape[0]):
-            size = size_of(&boxes[i, 0])
-            id = first + <uint64_t>i
-            if count == room:
-                if not before(size, id, sizes[room - 1], largest_ids[room - 1]):
-                    reach(&rest[0], &boxes[i, 0])
-                    continue
-                reach(&rest[0], &largest[room - 1, 0])
-                count -= 1
-            j = count
-            while j > 0 and before(size, id, sizes[j - 1], largest_ids[j - 1]):
-                sizes[j] = sizes[j - 1]
-                memcpy(&largest[j, 0], &largest[j - 1, 0], 6 * sizeof(float))
-                largest_ids[j] = largest_ids[j - 1]
-                j -= 1
-            sizes[j] = size
-            memcpy(&largest[j, 0], &boxes[i, 0], 6 * sizeof(float))
-            largest_ids[j] = id
-            count += 1
-    return count
+    def __cinit__(self):
+        box_clear(&self.rest)
+
+    def add(self, const float[:, ::1] boxes, uint64_t first):
+        """Take in more boxes.
+
+        Parameters
+        ----------
+        boxes : (n, 6) float32
+            IN. lo and hi; inf and -inf for a degenerate object.
+        first : int
+            The first one's id; the others' follow.
+        """
+        cdef Large one
+        cdef Large* at
+        cdef int64_t i
+        with nogil:
+            for i in range(boxes.shape[0]):
+                one.box = (<const Box*>&boxes[i, 0])[0]
+                one.size = size_of(&one.box)
+                one.id = first + <uint64_t>i
+                if self.count == LARGEST:
+                    if not before(&one, &self.largest[LARGEST - 1]):
+                        box_add(&self.rest, &one.box)
+                        continue
+                    box_add(&self.rest, &self.largest[LARGEST - 1].box)
+                    self.count -= 1
+                at = &self.largest[self.count]
+                while at > &self.largest[0] and before(&one, at - 1):
+                    at[0] = (at - 1)[0]
+                    at -= 1
+                at[0] = one
+                self.count += 1
+
+    @property
+    def ids(self):
+        """Return the ids of the largest boxes, (count,) uint64, the largest first."""
+        return np.array([self.largest[i].id for i in range(self.count)], np.uint64)
+
+    @property
+    def boxes(self):
+        """Return the largest boxes, (count, 6) float32, the largest first."""
+        boxes = [sides_of(&self.largest[i].box) for i in range(self.count)]
+        return np.array(boxes, np.float32).reshape(-1, 6)
+
+    @property
+    def rest(self):
+        """Return the box around all others, (6,) float64; inf and -inf for none."""
+        return np.array(sides_of(&self.rest))

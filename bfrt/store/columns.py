@@ -17,7 +17,8 @@ from bfrt.ids import object_id, stream_number
 from bfrt.records import BOX_BYTES, SCALARS, Kind
 from bfrt.store._bounds import bound
 from bfrt.store.extent import Extent
-from bfrt.store.hierarchy import Hierarchy, Level, make_levels
+from bfrt.store.header import facts_of
+from bfrt.store.hierarchy import Boxes, Hierarchy, HierarchyWriter, Level
 from bfrt.store.model import Vector
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
@@ -71,8 +72,8 @@ def prepare(
     """
     wide = records.dtype == np.float64
     boxes = np.empty((len(materials), 6), np.float32)
+    degenerate, bad = bound(kind, records, counts, origin, boxes)
     flat = records.reshape(-1).view(np.uint8)
-    degenerate, bad = bound(kind, flat, counts, wide, origin, SCALARS[kind], boxes)
     return Prepared(kind, wide, flat, counts, materials, boxes, degenerate, bad, group)
 
 
@@ -146,7 +147,7 @@ class StreamWriter:
         self.wide = wide
         self.count = self.degenerate = self.vertices = self.largest = 0
         self.materials = MaterialColumn(folder, durable)
-        self.first_level: Level | None = None
+        self.hierarchy: HierarchyWriter | None = None
         self._expected = 0
         names = ["geometry"]
         if kind != Kind.SPHERE:
@@ -181,8 +182,8 @@ class StreamWriter:
         self.materials.append(block.materials)
         first = object_id(stream_number(self.group, self.kind), self.count)
         extent.add(block.boxes, first)
-        if self.first_level is not None:
-            self.first_level.add(block.boxes)
+        if self.hierarchy is not None:
+            self.hierarchy.add(block.boxes)
         self.count += n
         self.degenerate += block.degenerate
 
@@ -198,42 +199,42 @@ class StreamWriter:
 
     def expect(self, count: int, surface: float, settings: Hierarchy) -> None:
         """Make the first level as the objects come, of which there will be `count`, 1 or more."""
-        self.first_level = Level(
-            self._folder, 1, count, surface, settings, self._durable,
-            quantised=self.is_quantised(settings),
-        )  # fmt: skip
+        self.hierarchy = self._hierarchy_writer(settings, surface)
+        self.hierarchy.begin(count)
         self._expected = count
 
     def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
         """Make the levels of the hierarchy that are missing, from the complete files."""
-        if self.first_level is not None and self.count != self._expected:
+        if self.hierarchy is None:
+            self.hierarchy = self._hierarchy_writer(settings, surface)
+        elif self.count != self._expected:
             raise SceneError(
                 f"{self.label}: found {self.count} objects, expected {self._expected} as announced"
             )
-        boxes = sphere_boxes if self.kind == Kind.SPHERE else file_boxes
-        return make_levels(
-            self._folder,
-            boxes(self, origin),
-            self.count,
-            surface,
-            settings,
-            self._durable,
-            self.first_level,
-            quantised=self.is_quantised(settings),
+        self.hierarchy.complete(self._boxes(origin), self.count)
+        return self.hierarchy.levels
+
+    def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
+        """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""
+        quantised = settings.bits > 0 and self.kind != Kind.SPHERE
+        return HierarchyWriter(
+            self._folder, settings, surface, durable=self._durable, quantised=quantised
         )
 
-    def is_quantised(self, settings: Hierarchy) -> bool:
-        """Tell whether quantised boxes are kept: not for spheres, whose records are as small."""
-        return settings.bits > 0 and self.kind != Kind.SPHERE
+    def _boxes(self, origin: Vector) -> Boxes:
+        """Yield the boxes of the complete stream, block by block."""
+        if self.kind == Kind.SPHERE:
+            return sphere_boxes(self.files["geometry"].path, self.wide, origin)
+        return file_boxes(self.files["boxes"].path)
 
     def close(self) -> dict[str, Any]:
         """Make the files durable; return the stream's part of the header, without levels."""
         files = {}
         for name, file in self.files.items():
             file.close()
-            files[name] = {"bytes": file.bytes, "crc32": file.checksum}
+            files[name] = facts_of(file)
         if column := self.materials.close():
-            files["materials"] = {"bytes": column.bytes, "crc32": column.checksum}
+            files["materials"] = facts_of(column)
         return {
             "kind": int(self.kind),
             "count": self.count,
@@ -252,26 +253,26 @@ class StreamWriter:
         for file in self.files.values():
             file.abandon()
         self.materials.abandon()
-        if self.first_level is not None:
-            self.first_level.abandon()
+        if self.hierarchy is not None:
+            self.hierarchy.abandon()
 
 
-def file_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:
-    """Yield the boxes of a complete stream, block by block."""
-    for block in _blocks(stream.files["boxes"].path, BOX_BYTES):
+def file_boxes(path: Path) -> Iterator[NDArray[np.float32]]:
+    """Yield the boxes of a complete file of boxes, block by block."""
+    for block in _blocks(path, BOX_BYTES):
         yield np.frombuffer(block, "<f4").reshape(-1, 6)
 
 
-def sphere_boxes(stream: StreamWriter, origin: Vector) -> Iterator[NDArray[np.float32]]:
-    """Yield the boxes of a complete stream of spheres, computed again, on all cores."""
-    scalar = "<f8" if stream.wide else "<f4"
+def sphere_boxes(path: Path, wide: bool, origin: Vector) -> Iterator[NDArray[np.float32]]:
+    """Yield the boxes of a complete file of spheres, computed again, on all cores."""
+    scalar = "<f8" if wide else "<f4"
 
     def boxes(block: bytes) -> NDArray[np.float32]:
         records = np.frombuffer(block, scalar).reshape(-1, SCALARS[Kind.SPHERE])
         none = np.zeros(len(records), np.uint32)
         return prepare(Kind.SPHERE, records, none, none, origin).boxes
 
-    blocks = _blocks(stream.files["geometry"].path, SCALARS[Kind.SPHERE] * int(scalar[2]))
+    blocks = _blocks(path, SCALARS[Kind.SPHERE] * int(scalar[2]))
     yield from ahead(boxes, blocks, usable_threads())
 
 

@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
-from bfrt.store._bounds import gather
+from bfrt.store._bounds import LargestBoxes
 from bfrt.store.model import Vector
-
-#: Boxes kept aside while a group is written.
-LARGEST = 64
 
 #: The shortest axis of a grid, as a part of its diagonal: a flat scene has a grid too.
 FLATTEST = 2.0**-10
@@ -102,34 +99,31 @@ class Extent:
     """Gathers bounds, and the largest boxes, over all blocks of a group."""
 
     def __init__(self) -> None:
-        self._rest = np.concatenate(NOTHING)
-        self._count = 0
-        self._sizes = np.empty(LARGEST)
-        self._boxes = np.empty((LARGEST, 6), np.float32)
-        self._ids = np.empty(LARGEST, np.uint64)
+        self._largest = LargestBoxes()
 
     def add(self, boxes: NDArray[np.float32], first: int) -> None:
         """Take in boxes (n, 6) of objects whose ids go on from `first`, in any order of blocks."""
-        self._count = gather(
-            boxes, first, self._rest, self._sizes, self._boxes, self._ids, self._count
-        )
-
-    def _without(self, largest: int) -> Bounds:
-        """Return the bounds without the `largest` largest boxes."""
-        rest = Bounds(self._rest[:3].copy(), self._rest[3:].copy())
-        return rest.union(bounds_of(self._boxes[largest : self._count]))
+        self._largest.add(boxes, first)
 
     @property
     def bounds(self) -> Bounds:
         """Return the bounds of all objects."""
-        return self._without(0)
+        return self._without(self._largest.boxes)
+
+    def _without(self, kept: NDArray[np.float32]) -> Bounds:
+        """Return the bounds of the boxes that are not among the largest, and of those of them that
+        are `kept`.
+        """
+        rest = self._largest.rest
+        return Bounds(rest[:3], rest[3:]).union(bounds_of(kept))
 
     def outliers(self) -> tuple[list[int], Bounds]:
         """Return the ids that stay out of the grid, ascending, and the bounds of all others."""
-        left = [self._without(k) for k in range(self._count + 1)]
+        ids, boxes = self._largest.ids, self._largest.boxes
+        left = [self._without(boxes[k:]) for k in range(len(ids) + 1)]
         volumes = [0.0 if b.empty else float(np.prod(b.grid_sides())) for b in left]
         out = 0
         for k in range(1, len(left)):
             if 0.0 < volumes[out] >= 2 * volumes[k] and not left[k].empty:
                 out = k
-        return sorted(int(i) for i in self._ids[:out]), left[out]
+        return sorted(int(i) for i in ids[:out]), left[out]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError
+from bfrt.records import SCALARS, Kind
 from bfrt.store.model import Vector
 
 
@@ -46,6 +47,16 @@ def rows_of(name: str, value: ArrayLike, row: Sequence[int]) -> tuple[NDArray[An
     return array, len(array)
 
 
+def rows_beside(
+    name: str, value: ArrayLike, row: Sequence[int], n: int, other: str
+) -> NDArray[Any]:
+    """Return numbers of shape (n, *row), where `other` has n rows."""
+    array, found = rows_of(name, value, row)
+    if found != n:
+        raise SceneError(f"{name}: found {found} rows, expected {n}, as many as {other}")
+    return array
+
+
 def column_of(name: str, value: ArrayLike, n: int, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return a number for each of n objects as a column; one number stands for all."""
     with np.errstate(over="ignore"):  # infinity is refused
@@ -55,3 +66,33 @@ def column_of(name: str, value: ArrayLike, n: int, dtype: np.dtype[Any]) -> NDAr
     if array.shape != (n,):
         raise SceneError(f"{name}: found shape {array.shape}, expected ({n},)")
     return array[:, None]
+
+
+def records_of(kind: Kind, value: ArrayLike) -> NDArray[Any]:
+    """Return records (n, scalars) of a kind that is not a polygon."""
+    records = floats_of(kind.label, value)
+    if records.ndim != 2 or records.shape[1] != SCALARS[kind] or kind == Kind.POLYGON:
+        raise SceneError(
+            f"{kind.label}: found records of shape {records.shape}, expected (n, {SCALARS[kind]})"
+        )
+    return records
+
+
+def vertices_of(value: ArrayLike, counts: NDArray[Any]) -> NDArray[Any]:
+    """Return the vertices (m, 3) of polygons, of which `counts` (n,) are how many each has."""
+    vertices = floats_of("polygon", value)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise SceneError(f"polygon: found vertices of shape {vertices.shape}, expected (m, 3)")
+    if counts.ndim != 1 or (len(counts) and counts.dtype.kind not in "iu"):
+        raise SceneError(
+            f"polygon: found counts of {counts.dtype} and shape {counts.shape}, "
+            "expected integers of shape (n,)"
+        )
+    # No count above the sum, or sums of 64 bits could come round.
+    fits = not len(counts) or 3 <= counts.min() <= counts.max() <= len(vertices)
+    if not fits or int(counts.sum()) != len(vertices):
+        raise SceneError(
+            f"polygon: found {len(vertices)} vertices for counts of {counts.sum()} in all, "
+            "expected as many, each count 3 or more"
+        )
+    return vertices

@@ -11,9 +11,11 @@ from bfrt.errors import SettingError
 from bfrt.records import Kind
 from bfrt.store.columns import Prepared, StreamWriter
 from bfrt.store.extent import Bounds, Extent
+from bfrt.store.header import facts_of
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Vector
 from bfrt.store.store import bounds_to
+from bfrt.streams.atomic_write import refused
 
 
 class GroupWriter:
@@ -22,12 +24,16 @@ class GroupWriter:
     Parameters
     ----------
     folder : Path
-        The group's folder.
+        The group's folder, which is created.
     number : int
         The group's number.
     """
 
     def __init__(self, folder: Path, number: int, hierarchy: Hierarchy, durable: bool) -> None:
+        try:
+            folder.mkdir()
+        except OSError as error:
+            raise refused(folder, 0, error, "creating") from error
         self.streams: dict[Kind, StreamWriter] = {}
         self.hierarchy_seconds = 0.0
         self._folder = folder
@@ -65,16 +71,16 @@ class GroupWriter:
         headers = [self.streams[kind].close() for kind in sorted(self.streams)]
         outliers, grid_bounds = self._extent.outliers()
         surface = self._surface if self._expected else grid_bounds.surface
-        begun = [s.first_level for s in self.streams.values() if s.first_level is not None]
-        start = time.perf_counter() - sum(level.seconds for level in begun)
+        hierarchies = [s.hierarchy for s in self.streams.values() if s.hierarchy is not None]
+        begun = sum(level.seconds for hierarchy in hierarchies for level in hierarchy.levels)
+        start = time.perf_counter() - begun
         for header in headers:
             stream = self.streams[Kind(header["kind"])]
             levels = stream.make_levels(self._hierarchy, surface, origin)
             header["levels"] = [level.count for level in levels]
-            header["quantised"] = bool(levels) and stream.is_quantised(self._hierarchy)
             for level in levels:
-                for name, file in level.files.items():
-                    header["files"][name] = {"bytes": file.bytes, "crc32": file.checksum}
+                header["files"].update((name, facts_of(f)) for name, f in level.files.items())
+            header["quantised"] = "quantised" in header["files"]
         self.hierarchy_seconds = time.perf_counter() - start
         return {"streams": headers, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
 

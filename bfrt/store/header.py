@@ -17,6 +17,7 @@ from bfrt.errors import SceneError
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store._hierarchy import MOST_LEVELS
 from bfrt.store.model import Camera, Light, Vector
+from bfrt.streams.writer import FileWriter
 
 Check = Callable[[Any], Any]
 
@@ -27,6 +28,11 @@ def header_text(header: dict[str, Any]) -> str:
     text = json.dumps(body, indent=1, sort_keys=True, allow_nan=False)
     body["checksum"] = zlib.crc32(text.encode())
     return json.dumps(body, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def facts_of(file: FileWriter) -> dict[str, int]:
+    """Return what the header says of a file that was written."""
+    return {"bytes": file.bytes, "crc32": file.checksum}
 
 
 def digest_of(header: dict[str, Any]) -> int:

@@ -119,18 +119,16 @@ def parse_hierarchy(text: str, default: Hierarchy | None = None) -> Hierarchy:
 
 
 class Level:
-    """Writes one level of a stream's hierarchy, in a file ``level1``, ``level2`` ...
+    """Writes one level of a stream's hierarchy.
 
     Parameters
     ----------
-    folder : Path
-        The stream's folder.
-    number : int
-        The level's number, from 1.
-    below : int
-        Number of boxes in the level below.
-    surface : float
-        The surface of the group's grid.
+    path : Path
+        Its file: ``level1``, ``level2`` ... in the stream's folder.
+    limit : float
+        The surface that a merged box has at the most.
+    durable : bool
+        Whether its files outlive a loss of power.
     quantised : bool
         Whether to keep the boxes below quantised, in a file of that name.
 
@@ -138,31 +136,24 @@ class Level:
     ----------
     files : dict of str to FileWriter
         The level's files by their names.
+    count : int
+        Number of its boxes so far.
+    seconds : float
+        What `add` has taken.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        number: int,
-        below: int,
-        surface: float,
-        settings: Hierarchy,
-        durable: bool,
-        *,
-        quantised: bool = False,
-    ) -> None:
-        ratio, self.last = settings.threshold(below, number)
-        self.path = folder / f"level{number}"
+    def __init__(self, path: Path, limit: float, durable: bool, *, quantised: bool = False) -> None:
+        self.path = path
         self.files: dict[str, FileWriter] = {}
         try:
-            for name in [self.path.name, *(["quantised"] if quantised else [])]:
-                self.files[name] = FileWriter(folder / name, durable)
+            for name in [path.name, *(["quantised"] if quantised else [])]:
+                self.files[name] = FileWriter(path.with_name(name), durable)
         except BaseException:
             self.abandon()
             raise
         self.count = 0
         self.seconds = 0.0
-        self._merger = Merger(ratio * surface, MOST_CHILDREN if quantised else 1 << 62)
+        self._merger = Merger(limit, MOST_CHILDREN if quantised else 1 << 62)
         self._waiting = np.empty((0, 6), np.float32)  # for their parent
         self._coded = 0
 
@@ -198,56 +189,91 @@ class Level:
         self._waiting = children[n:].copy()
 
 
-def make_levels(
-    folder: Path,
-    boxes: Boxes,
-    count: int,
-    surface: float,
-    settings: Hierarchy,
-    durable: bool,
-    first: Level | None = None,
-    *,
-    quantised: bool = False,
-) -> list[Level]:
-    """Make the levels of a stream.
+class HierarchyWriter:
+    """Makes the hierarchy of a stream, level by level.
 
     Each is made in one pass over the one below, whose number of boxes has to be known.
 
     Parameters
     ----------
-    boxes : iterable of (n, 6) float32
-        The boxes of all objects, in their order.
-    count : int
-        Number of objects.
+    folder : Path
+        The stream's folder.
+    settings : Hierarchy
+        How large merged boxes are, and how many levels there are.
     surface : float
         The surface of the group's grid.
-    first : Level, optional
-        The first level, where it was made as the objects came; `boxes` are not used then.
+    durable : bool
+        Whether its files outlive a loss of power.
     quantised : bool
-        As for `Level`, for the first one.
+        Whether to keep the objects' boxes quantised too.
+
+    Attributes
+    ----------
+    levels : list of Level
+        Those that are begun, from the first.
     """
-    levels: list[Level] = []
-    last = count == 0
-    try:
-        while not last:
-            number = len(levels) + 1
-            if number == 1 and first is not None:
-                levels.append(first)
-            else:
-                own = quantised and number == 1
-                levels.append(
-                    Level(folder, number, count, surface, settings, durable, quantised=own)
-                )
-                for block in boxes:
-                    levels[-1].add(block)
-            levels[-1].finish()
-            last, count = levels[-1].last, levels[-1].count
-            boxes = level_boxes(levels[-1].path)
-    except BaseException:
-        for level in levels:
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: Hierarchy,
+        surface: float,
+        *,
+        durable: bool,
+        quantised: bool = False,
+    ) -> None:
+        self.levels: list[Level] = []
+        self._folder = folder
+        self._settings = settings
+        self._surface = surface
+        self._durable = durable
+        self._quantised = quantised
+        self._last = False  # whether the highest level so far has none above
+
+    def begin(self, below: int) -> None:
+        """Begin the next level, over `below` boxes, which `add` takes."""
+        number = len(self.levels) + 1
+        ratio, self._last = self._settings.threshold(below, number)
+        path, limit = self._folder / f"level{number}", ratio * self._surface
+        quantised = self._quantised and number == 1
+        self.levels.append(Level(path, limit, self._durable, quantised=quantised))
+
+    def add(self, boxes: NDArray[np.float32]) -> None:
+        """Take the next boxes (n, 6) below the level that was begun."""
+        self.levels[-1].add(boxes)
+
+    def complete(self, boxes: Boxes, count: int) -> None:
+        """Complete all levels.
+
+        Parameters
+        ----------
+        boxes : iterable of (n, 6) float32
+            The boxes of all objects, in their order. Not used if the first level was begun.
+        count : int
+            Number of objects; there are no levels over none.
+        """
+        try:
+            if count and not self.levels:
+                self._pass_over(boxes, count)
+            while self.levels:
+                highest = self.levels[-1]
+                highest.finish()
+                if self._last:
+                    break
+                self._pass_over(level_boxes(highest.path), highest.count)
+        except BaseException:
+            self.abandon()
+            raise
+
+    def _pass_over(self, boxes: Boxes, count: int) -> None:
+        self.begin(count)
+        for block in boxes:
+            self.add(block)
+
+    def abandon(self) -> None:
+        """Give the files up."""
+        for level in self.levels:
             level.abandon()
-        raise
-    return levels
 
 
 def level_boxes(path: Path) -> Iterator[NDArray[np.float32]]:

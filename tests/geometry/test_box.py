@@ -29,8 +29,8 @@ def test_bounds_are_the_nearest_float32_outside():
     corners[:, 0] = tops[:, None]
     corners[:, 1] = tops[:, None] * [1, 0, 0]  # zero is a coordinate of every triangle
     boxes = np.empty((len(tops), 6), np.float32)
-    flat = corners.reshape(-1).view(np.uint8)
-    bound(Kind.TRIANGLE, flat, np.zeros(len(tops), np.uint32), True, (0, 0, 0), 9, boxes)
+    records, none = corners.reshape(-1, 9), np.zeros(len(tops), np.uint32)
+    bound(Kind.TRIANGLE, records, none, (0, 0, 0), boxes)
     full = boxes[:, 0] <= boxes[:, 3]  # the squares of the least vanish: degenerate
     assert full.sum() > 2000
     low, high = np.minimum(tops, 0)[full], np.maximum(tops, 0)[full]

@@ -30,9 +30,8 @@ def test_boxes_of_spheres(rows, dtype, origin):
     records = np.array(rows, dtype)
     wide = dtype is np.float64
     expected = np.empty((len(rows), 6), np.float32)
-    flat = records.reshape(-1).view(np.uint8)
     none = np.zeros(len(rows), np.uint32)
-    bound(Kind.SPHERE, flat, none, wide, origin, 4, expected)
+    bound(Kind.SPHERE, records, none, origin, expected)
     found, around = _kernels.sphere_boxes(
         records.view(np.uint8).reshape(len(rows), -1), wide, origin
     )

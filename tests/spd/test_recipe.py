@@ -13,7 +13,8 @@ import pytest
 import bfrt
 from bfrt.errors import Cancelled, DiskFullError
 from bfrt.records import Kind
-from bfrt.spd.recipe import Part, SpdScene, phong_power
+from bfrt.spd.blocks import Part
+from bfrt.spd.recipe import SpdScene, phong_power
 from bfrt.store.model import Camera, Light, Material
 
 PLACE = np.zeros(1, np.int64)

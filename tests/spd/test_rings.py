@@ -10,7 +10,7 @@ from spd_scenes import Recorder, text_of
 
 import bfrt.spd
 from bfrt.records import Kind
-from bfrt.spd.recipe import BLOCK_OBJECTS
+from bfrt.spd.blocks import BLOCK_OBJECTS
 
 
 def fed(size):

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfrt.store.extent import FLATTEST, LARGEST, NOTHING, Bounds, Extent, bounds_of
+from bfrt.store._bounds import LARGEST
+from bfrt.store.extent import FLATTEST, NOTHING, Bounds, Extent, bounds_of
 
 EMPTY = [np.inf] * 3 + [-np.inf] * 3
 

@@ -14,7 +14,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.records import PARENT, Kind
 from bfrt.store._hierarchy import Merger, quantise
 from bfrt.store.extent import Bounds
-from bfrt.store.hierarchy import Hierarchy, make_levels, parse_hierarchy
+from bfrt.store.hierarchy import Hierarchy, HierarchyWriter, parse_hierarchy
 from bfrt.store.store import open_store
 from bfrt.store.writer import StoreWriter
 
@@ -139,7 +139,9 @@ def test_every_level_holds_the_one_below(tmp_path_factory, seed, n):
     whole = boxes[boxes[:, 0] <= boxes[:, 3]].astype(np.float64)
     bounds = Bounds(whole[:, :3].min(axis=0, initial=0), whole[:, 3:].max(axis=0, initial=0))
     folder = tmp_path_factory.mktemp("levels")
-    levels = make_levels(folder, [boxes], n, bounds.surface, settings, False)
+    writer = HierarchyWriter(folder, settings, bounds.surface, durable=False)
+    writer.complete([boxes], n)
+    levels = writer.levels
     below = boxes
     for number, level in enumerate(levels, 1):
         records = np.fromfile(folder / f"level{number}", PARENT)

@@ -22,10 +22,11 @@ from scenes import random_objects
 import bfrt
 from bfrt.errors import DiskFullError, SceneError, SettingError, StoreError, StreamError
 from bfrt.records import Kind
-from bfrt.store import writer as writer_module
+from bfrt.store import record_writer
 from bfrt.store.model import Camera, Light, Material
 from bfrt.store.store import open_store
 from bfrt.store.writer import StoreWriter
+from bfrt.streams.writer import FileWriter
 
 UTM = np.array([500_000.0, 5_400_000.0, 300.0])
 SMALL = np.array([[[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]]])
@@ -291,7 +292,7 @@ def test_one_row_at_a_time(folder):
 def test_blocks_are_cut_without_a_trace(folder, monkeypatch):
     tables, counts = scene(n=100)
     for name, block in (("whole.bfrt", 65536), ("cut.bfrt", 7)):
-        monkeypatch.setattr(writer_module, "BLOCK", block)
+        monkeypatch.setattr(record_writer, "BLOCK", block)
         with StoreWriter(folder / name) as writer:
             numbers = [writer.material(Material(kd=kd / 512)) for kd in range(300)]
             give(writer, tables, counts, numbers[0])
@@ -367,12 +368,12 @@ def test_bad_lights_are_refused_when_they_are_given(folder):
 )
 def test_materials_take_the_smallest_integers(folder, blocks, width):
     with StoreWriter(folder / "a.bfrt") as writer:
-        writer._materials = 1 << 20  # as if they had been added
+        writer._palette.count = 1 << 20  # as if they had been added
         for block in blocks:
             writer.spheres(np.zeros((len(block), 3), np.float32), 1.0, block)
         header = writer._header()
-        files = {p.name for p in (writer._aside / "0" / "sphere").iterdir()}
-        path = writer._aside / "0" / "sphere" / "materials"
+        files = {p.name for p in (writer._folder.aside / "0" / "sphere").iterdir()}
+        path = writer._folder.aside / "0" / "sphere" / "materials"
         (stream,) = header["groups"][0]["streams"]
         assert (stream["material_bytes"], stream["material"]) == (width, blocks[0][0])
         assert files == {"geometry", "level1", *(["materials"] if width else [])}
@@ -382,7 +383,7 @@ def test_materials_take_the_smallest_integers(folder, blocks, width):
 
 
 def test_many_materials_of_a_block_before_the_first_difference(folder, monkeypatch):
-    monkeypatch.setattr(writer_module, "BLOCK", 10)
+    monkeypatch.setattr(record_writer, "BLOCK", 10)
     with StoreWriter(folder / "a.bfrt") as writer:
         for kd in range(3):
             writer.material(Material(kd=kd))
@@ -665,14 +666,14 @@ def test_half_a_block_is_never_kept(folder, monkeypatch):
     """An interrupt in a block that the caller catches: the store is given up, not continued."""
     writer = StoreWriter(folder / "a.bfrt")
     writer.triangles(N33)
-    real = writer_module.FileWriter.write
+    real = FileWriter.write
 
     def interrupted(self, data, **how):
         if self.path.name == "boxes":
             raise KeyboardInterrupt
         real(self, data, **how)
 
-    monkeypatch.setattr(writer_module.FileWriter, "write", interrupted)
+    monkeypatch.setattr(FileWriter, "write", interrupted)
     with pytest.raises(KeyboardInterrupt):
         writer.triangles(N33)
     monkeypatch.undo()
@@ -774,14 +775,14 @@ def test_what_the_disk_lost_replaces_nothing(folder, monkeypatch):
     old = contents(path)
     writer = StoreWriter(path)
     writer.spheres(np.zeros((100_000, 3), np.float32), 1)
-    real = writer_module.FileWriter.close
+    real = FileWriter.close
 
     def lost(self):
         real(self)
         if self.path.name == "palette":
             os.truncate(self.path, 10)
 
-    monkeypatch.setattr(writer_module.FileWriter, "close", lost)
+    monkeypatch.setattr(FileWriter, "close", lost)
     with pytest.raises(StoreError, match="truncated"):
         writer.complete()
     assert contents(path) == old

@@ -1,0 +1,96 @@
+"""The palette as it is written: each material once, and the indices by which objects name one."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bfrt.errors import SceneError
+from bfrt.records import MATERIAL
+from bfrt.store.header import facts_of
+from bfrt.store.model import Material
+from bfrt.streams.writer import FileWriter
+
+#: Distinct materials that are remembered, so that a repeated one is stored once.
+REMEMBERED = 65536
+
+
+def record_of(material: Material) -> NDArray[Any]:
+    """Return a material as it is stored, (1,) of records.MATERIAL.
+
+    Raises
+    ------
+    SceneError
+        If a number is negative, or not finite as float32.
+    """
+    with np.errstate(over="ignore"):  # infinity is refused
+        record = np.array([(*material.color, *material[1:])], MATERIAL)
+    numbers = record.view("<f4")
+    if not np.isfinite(numbers).all() or (numbers < 0).any():
+        raise SceneError(f"material: found {material}, expected finite numbers, none negative")
+    return record
+
+
+class PaletteWriter:
+    """Writes the palette's file.
+
+    Attributes
+    ----------
+    count : int
+        Number of materials so far.
+    """
+
+    def __init__(self, path: Path, durable: bool) -> None:
+        self.count = 0
+        self._remembered: OrderedDict[Material, int] = OrderedDict()
+        self._file = FileWriter(path, durable)
+
+    def find(self, material: Material) -> int | None:
+        """Return the index of a material that equals one of the last `REMEMBERED`, or None."""
+        return self._remembered.get(material)
+
+    def add(self, material: Material, record: NDArray[Any]) -> int:
+        """Write a material, whose `record_of` is given; return its index."""
+        self._file.write(record.view(np.uint8))
+        index = self.count
+        self.count += 1
+        self._remembered[material] = index
+        if len(self._remembered) > REMEMBERED:
+            self._remembered.popitem(last=False)
+        return index
+
+    def indices_of(self, materials: ArrayLike, n: int) -> NDArray[np.uint32]:
+        """Return a caller's index for all of n objects, or for each, as (n,) indices.
+
+        Raises
+        ------
+        SceneError
+            If they are not integers of this shape, or there is no such material.
+        """
+        given = np.asarray(materials)
+        indices = np.broadcast_to(given, (n,)) if given.ndim == 0 else given
+        if indices.shape != (n,) or indices.dtype.kind not in "iu":
+            raise SceneError(
+                f"materials: found {indices.dtype} of shape {indices.shape}, "
+                f"expected one integer or ({n},) of them"
+            )
+        low, high = (int(indices.min()), int(indices.max())) if n else (0, -1)
+        if low < 0 or high >= self.count:
+            raise SceneError(
+                f"materials: found index {low if low < 0 else high}, "
+                f"expected 0 to {self.count - 1}: add materials first"
+            )
+        return indices.astype(np.uint32, copy=False)
+
+    def close(self) -> dict[str, int]:
+        """Make the file durable; return what the header says of it."""
+        self._file.close()
+        return facts_of(self._file)
+
+    def abandon(self) -> None:
+        """Give the file up."""
+        self._file.abandon()
