@@ -6,7 +6,7 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.vector cimport Line, line, vec
-from bfrt.tree.node cimport WIDE, Node, Slope, node_boxes, node_spanner, quantum_of, slope_of
+from bfrt.treelets.node cimport WIDE, Node, Slope, node_boxes, node_spanner, quantum_of, slope_of
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Top, next_treelets
 
 

@@ -9,7 +9,7 @@ from libc.stdint cimport uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box, Span, above, below, box_span
 from bfrt.geometry.vector cimport Line
-from bfrt.tree.node cimport INNER, WIDE, Node, NodeSpan, Slope
+from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope
 from bfrt.tree.walk cimport WAITING, bits_of, lowest_bit
 
 cdef enum:

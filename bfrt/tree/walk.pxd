@@ -11,7 +11,7 @@ from bfrt.geometry.shape cimport BoxHit, Shape, shape_bounds, shape_load, shape_
 from bfrt.geometry.triangle cimport Triangle, triangle_bounds, triangle_hit, triangle_load
 from bfrt.geometry.vector cimport Line
 from bfrt.records cimport TRIANGLE
-from bfrt.tree.node cimport INNER, WIDE, Node, NodeSpan, Slope
+from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope
 
 cdef enum:
     WAITING = 7 * (32 + 16)  # nodes of a walk: seven a level; DEEPEST of _build.pyx, and halves

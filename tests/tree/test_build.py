@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bfrt.reference._tree import node_sides, treelets_met
-from bfrt.tree._build import NODE, TreeletBuilder
+from bfrt.treelets.build import NODE, TreeletBuilder
 
 NODE_FIELDS = np.dtype(
     [

@@ -13,8 +13,8 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 import numpy as np
 
 from bfrt.geometry.box cimport Box, box_empty
-from bfrt.tree.node cimport INNER, WIDE, Node, node_boxes
-from bfrt.tree.split cimport (
+from bfrt.treelets.node cimport INNER, WIDE, Node, node_boxes
+from bfrt.treelets.split cimport (
     RangeBox, Reference, half_surface, range_bounds, range_box, refer, referred, split_range,
 )
 
