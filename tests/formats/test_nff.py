@@ -17,8 +17,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bfrt.errors import SceneError, StreamError
-from bfrt.formats._nff import MAX_VERTICES, Entity, Event, Fault, Parser
+from bfrt.formats._nff import Entity, Event, Fault, Parser
 from bfrt.formats.nff import _read, read_nff
+from bfrt.formats.text import MOST_CORNERS
 from bfrt.records import SCALARS, Kind
 from bfrt.store.model import Camera, Light, Material
 
@@ -253,7 +254,7 @@ def test_large_polygon():
 
 
 def test_lying_count_takes_no_memory():
-    data = b"p %d 0 0 0" % MAX_VERTICES
+    data = b"p %d 0 0 0" % MOST_CORNERS
     failure(data)
     tracemalloc.start()
     try:
@@ -261,7 +262,7 @@ def test_lying_count_takes_no_memory():
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert peak < 24 * MAX_VERTICES / 2
+    assert peak < 24 * MOST_CORNERS / 2
 
 
 # --- numbers
@@ -396,10 +397,10 @@ BAD = [
         (
             f"{keyword} {count} 1 2 3".encode(),
             *(1, repr(count)),
-            f"the number of vertices of {keyword}, an integer from 3 to {MAX_VERTICES}",
+            f"the number of vertices of {keyword}, an integer from 3 to {MOST_CORNERS}",
         )
         for keyword in ("p", "pp")
-        for count in ("2", "0", "-3", "3.0", "3e0", "+", "x", str(MAX_VERTICES + 1), "9" * 24)
+        for count in ("2", "0", "-3", "3.0", "3e0", "+", "x", str(MOST_CORNERS + 1), "9" * 24)
     ),
 ]
 

@@ -220,7 +220,7 @@ def test_the_first_of_equal_diagonals():
 
 
 def test_a_face_of_too_many_corners(tmp_path, monkeypatch):
-    monkeypatch.setattr(triangulation_module, "MOST_CORNERS", 7)
+    monkeypatch.setattr(triangulation_module, "MOST_EAR_CORNERS", 7)
     file = tmp_path / "u.obj"
     write(file, raised(U), [[0, 1, 2], range(8)])
     assert failure(file, triangulate=True) == (
