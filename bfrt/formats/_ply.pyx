@@ -7,11 +7,13 @@ the parser, so that a list may be longer than a chunk and a strip of triangles l
 """
 
 cimport cython
-from libc.math cimport floor
+from libc.math cimport fabs, floor
 from libc.stdint cimport int8_t, int16_t, int32_t, int64_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy
 
-from bfrt.formats.text cimport FOUND, MOST_CORNERS, Tokens, find_token, read_any_number
+from bfrt.formats.text cimport (
+    FOUND, MOST_CORNERS, Tokens, exact_mantissa, find_token, read_any_number,
+)
 
 import numpy as np
 
@@ -293,7 +295,8 @@ cdef class Rows(Tokens):
                 return status
             if wanted:
                 self.found = x
-                if not -1e18 < x < 1e18 or x != floor(x):
+                # Beyond, an error could not tell the index as the file has it.
+                if not fabs(x) < exact_mantissa() or x != floor(x):
                     return self.fail(NO_INDEX)
                 self.take(<int64_t>x)
             self.left -= 1

@@ -665,6 +665,17 @@ def test_indices_out_of_range(file, layout, index):
     assert failure(file) == f"face 0: found vertex {0}, expected none"
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_index_in_text_is_told_as_it_is_there(file, sign):
+    index = sign * ((1 << 53) - 1)
+    file.write_bytes(mesh("ascii", [*FACES, [0, 1, index, 2]]))
+    assert failure(file) == f"face 4: found vertex {index}, expected 0 to 5"
+    for index in (sign * ((1 << 53) + 1), sign * 123456789012345678, sign * 99999999999999999999):
+        file.write_bytes(mesh("ascii", [*FACES, [0, 1, index, 2]]))
+        said = f"found '{index}' in row 4 of face, expected a vertex's whole number"
+        assert failure(file).endswith(said)
+
+
 def test_large_unsigned_indices(file):
     for index in (2**31, 2**32 - 1):
         file.write_bytes(
