@@ -23,7 +23,7 @@ from bfrt.formats.nff import read_nff
 from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
 from bfrt.formats.object_writer import SceneSink
-from bfrt.formats.ply import read_ply
+from bfrt.formats.ply.reader import read_ply
 from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.stl import read_stl

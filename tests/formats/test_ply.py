@@ -26,8 +26,10 @@ from meshes import (
 )
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.formats import ply as ply_module
 from bfrt.formats import source as source_module
+from bfrt.formats.ply import file as file_module
+from bfrt.formats.ply._rows import Rows
+from bfrt.formats.ply.element import TYPES, Element, Property
 from bfrt.records import Kind
 
 LAYOUTS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -94,8 +96,8 @@ def tiny(monkeypatch):
 
 def chunk_bytes(patch, size):
     patch.setattr(source_module, "CHUNK_BYTES", size)
-    patch.setattr(ply_module, "CHUNK_BYTES", size)
-    patch.setattr(ply_module, "BLOCK", max(size // 16, 1))
+    patch.setattr(file_module, "CHUNK_BYTES", size)
+    patch.setattr(file_module, "BLOCK", max(size // 16, 1))
 
 
 # --- what is read --------------------------------------------------------------------------------
@@ -217,8 +219,9 @@ def test_round_trip(tmp_path_factory, made, size):
 def test_bare_faces_that_end_anywhere_in_a_chunk(size):
     faces = [[0, 1, 2], [3, -4, 5, 6], list(range(200)), [7, 8, 9], [], [1, 1, 1]]
     data = b"".join(struct.pack(f"<B{len(face)}i", len(face), *face) for face in faces)
-    int32, uint8 = ply_module.TYPES["int"], ply_module.TYPES["uchar"]
-    rows = ply_module.Rows(len(faces), [int32], [uint8], [0], 0, "little", False, 1)
+    corners = Property("vertex_index", TYPES["int"], TYPES["uchar"])
+    element = Element("face", len(faces), (corners,))
+    rows = Rows(element, element.wanted((), corners), "little", 1)
     found, left = [], b""
     for first in range(0, len(data), size):
         chunk = left + data[first : first + size]
@@ -801,10 +804,10 @@ def test_the_most_properties(file):
 
 
 def test_rows_of_many_properties_are_few_at_once(file, monkeypatch):
-    monkeypatch.setattr(ply_module, "BLOCK_BYTES", 1000)
+    monkeypatch.setattr(file_module, "BLOCK_BYTES", 1000)
     more = [(f"p{i}", "double") for i in range(30)]
     file.write_bytes(points("binary_big_endian", more, [[i] * 30 for i in range(20)]))
-    with ply_module.Ply(file) as opened:
+    with file_module.Ply(file) as opened:
         vertex = opened.element("vertex")
         blocks = list(opened.columns(vertex, ("x", "p29")))
     assert [len(block) for block in blocks] == [3] * 6 + [2]

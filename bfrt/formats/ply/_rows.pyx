@@ -3,7 +3,7 @@
 A chunk may end anywhere between values. Where a row is (`property`, `left` of its list) lives in
 the parser, so that a list may be longer than a chunk and a strip of triangles longer than memory.
 
-``ply.py`` reads the header, says what is wanted of a row, and words the errors.
+``file.py`` says what is wanted of a row, and words the errors.
 """
 
 cimport cython
@@ -17,7 +17,7 @@ from bfrt.formats.text cimport (
 
 import numpy as np
 
-# The types of values, in the order of `ply.TYPES`.
+# The types of values, in the order of `element.TYPES`.
 cdef enum:
     INT8
     UINT8
@@ -100,18 +100,13 @@ cdef class Rows(Tokens):
 
     Parameters
     ----------
-    rows : int
-        Number of rows.
-    kinds, counts : sequence of int
-        The type of each property, and that of its list's count; -1 where it is no list.
-    columns : sequence of int
-        Where each property goes: a column, or -1; of the list that is wanted `width`.
-    width : int
-        Columns.
+    element : Element
+    wanted : Wanted
+        Of each row.
     layout : {"text", "little", "big"}
-        Text has no comments: PLY's are in its header.
-    strips : bool
-        Whether the list is a strip of triangles, in which -1 begins a new one.
+        How values are written. Text has no comments: PLY's are in its header.
+    line : int
+        The line that text begins in.
 
     Attributes
     ----------
@@ -153,22 +148,22 @@ cdef class Rows(Tokens):
     cdef Py_ssize_t faces
     cdef object pending
 
-    def __init__(self, int64_t rows, kinds, counts, columns, int width, str layout,
-                 bint strips, int64_t line):
-        if len(kinds) > MOST:
-            raise ValueError(f"{len(kinds)} properties: no room for them")
-        self.rows = rows
-        self.properties = len(kinds)
-        for i in range(self.properties):
-            self.kinds[i], self.counts[i], self.columns[i] = kinds[i], counts[i], columns[i]
-        self.width = width
+    def __init__(self, element, wanted, str layout, int64_t line):
+        self.properties = len(element.properties)
+        if self.properties > MOST:
+            raise ValueError(f"{self.properties} properties: no room for them")
+        for i, each in enumerate(element.properties):
+            self.kinds[i], self.counts[i] = each.kind, each.counted
+            self.columns[i] = wanted.columns[i]
+        self.rows = element.rows
+        self.width = wanted.width
+        self.strips = wanted.strips
         self.text_form = layout == "text"
         self.swapped = layout == "big"
-        self.strips = strips
-        self.as_is = layout == "little" and not strips
+        self.as_is = layout == "little" and not self.strips
         self.bare = (
             self.as_is and self.properties == 1 and self.counts[0] == UINT8
-            and self.kinds[0] == INT32 and self.columns[0] == width == 0
+            and self.kinds[0] == INT32 and self.columns[0] == self.width == 0
         )
         self.row = self.property = self.fault = 0
         self.found = 0.0

@@ -1,10 +1,10 @@
 import enum
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from bfrt.formats.ply.element import Element, Wanted
 from bfrt.formats.text import Tokens
 
 MOST_PROPERTIES: int
@@ -19,17 +19,7 @@ class Rows(Tokens):
     row: int
     fault: int
     found: float
-    def __init__(
-        self,
-        rows: int,
-        kinds: Sequence[int],
-        counts: Sequence[int],
-        columns: Sequence[int],
-        width: int,
-        layout: str,
-        strips: bool,
-        line: int,
-    ) -> None: ...
+    def __init__(self, element: Element, wanted: Wanted, layout: str, line: int) -> None: ...
     @property
     def done(self) -> bool: ...
     def parse(
