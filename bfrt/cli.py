@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import bfrt
-from bfrt.conversion import READERS, convert, is_store, parse_spd, read_view
+from bfrt.conversion.convert import convert
+from bfrt.conversion.sources import READERS, is_store, parse_spd
+from bfrt.conversion.views import read_view
 from bfrt.errors import BfrtError, BudgetError, SettingError
 from bfrt.framing import framing_camera
 from bfrt.image.picture import SUFFIXES

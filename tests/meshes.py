@@ -77,7 +77,7 @@ def expected(vertices: Any, faces: list[list[int]]) -> list[tuple[tuple[float, .
 
 def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
     """A mesh's vertices have so many bytes, whatever the budget."""
-    patch.setattr("bfrt.conversion.rooms_for", lambda needs, _: [room] * len(needs))
+    patch.setattr("bfrt.conversion.convert.rooms_for", lambda needs, _: [room] * len(needs))
 
 
 def open_files() -> int:
