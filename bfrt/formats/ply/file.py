@@ -38,6 +38,7 @@ class Ply:
             self.source.close()
             raise
         self._places = [start]
+        self._left = 0  # bytes of a chunk that the next begins with
 
     def element(self, name: str) -> Element | None:
         return next((e for e in self.elements if e.name == name), None)
