@@ -12,16 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_files import random_mesh
-from meshes import (
-    FACES,
-    VERTICES,
-    convert,
-    expected,
-    failure,
-    objects_of,
-    shapes_of,
-    small_room,
-)
+from meshes import FACES, VERTICES, convert, expected, failure, objects_of, shapes_of, small_room
 
 import bfrt
 from bfrt.cli import main

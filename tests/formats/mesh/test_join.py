@@ -7,11 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_files import Arrays, random_mesh, together
-from meshes import (
-    FACES,
-    VERTICES,
-    open_files,
-)
+from meshes import FACES, VERTICES, open_files
 
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats import mesh as mesh_module

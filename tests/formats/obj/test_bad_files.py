@@ -11,16 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import (
-    FACES,
-    VERTICES,
-    convert,
-    expected,
-    failure,
-    outcome,
-    shapes_of,
-    small_room,
-)
+from meshes import FACES, VERTICES, convert, expected, failure, outcome, shapes_of, small_room
 from obj_files import BAD, DRESSED, LIBRARY, cut, dressed, obj
 
 from bfrt.errors import SettingError, StreamError

@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import (
-    FACES,
-    VERTICES,
-    convert,
-    expected,
-    failure,
-    objects_of,
-    shapes_of,
-    small_room,
-)
+from meshes import FACES, VERTICES, convert, expected, failure, objects_of, shapes_of, small_room
 from obj_files import DRESSED, cut, obj
 
 from bfrt.errors import SettingError

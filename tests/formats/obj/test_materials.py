@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from meshes import (
-    convert,
-    objects_of,
-    small_room,
-)
+from meshes import convert, objects_of, small_room
 from obj_files import LIBRARY, PLAIN, cut, dressed
 
 MATERIALS = {

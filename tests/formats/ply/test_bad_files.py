@@ -11,16 +11,7 @@ import pytest
 from failing import alone, refuse_reads, refuse_writes
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import (
-    FACES,
-    VERTICES,
-    convert,
-    expected,
-    failure,
-    outcome,
-    shapes_of,
-    small_room,
-)
+from meshes import FACES, VERTICES, convert, expected, failure, outcome, shapes_of, small_room
 from ply_files import CODES, CORNERS, LAYOUTS, XYZ, chunk_bytes, mesh, ply, points, rich
 
 from bfrt.errors import StreamError

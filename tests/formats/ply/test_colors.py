@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from meshes import (
-    FACES,
-    VERTICES,
-    convert,
-    expected,
-    failure,
-    objects_of,
-    shapes_of,
-)
+from meshes import FACES, VERTICES, convert, expected, failure, objects_of, shapes_of
 from ply_files import CORNERS, LAYOUTS, XYZ, gray, mesh, ply, points, rgb
 
 from bfrt.errors import SettingError

@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import (
-    FACES,
-    VERTICES,
-    convert,
-    expected,
-    failure,
-    shapes_of,
-)
+from meshes import FACES, VERTICES, convert, expected, failure, shapes_of
 from ply_files import (
     CODES,
     CORNERS,

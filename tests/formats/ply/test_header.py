@@ -6,15 +6,7 @@ import time
 import tracemalloc
 
 import pytest
-from meshes import (
-    FACES,
-    VERTICES,
-    convert,
-    expected,
-    failure,
-    outcome,
-    shapes_of,
-)
+from meshes import FACES, VERTICES, convert, expected, failure, outcome, shapes_of
 from ply_files import LAYOUTS, mesh, points, rich
 
 
