@@ -7,7 +7,7 @@
 """
 
 from bfrt import spd
-from bfrt.conversion import convert
+from bfrt.conversion.convert import convert
 from bfrt.errors import (
     BfrtError,
     BudgetError,

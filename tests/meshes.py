@@ -75,9 +75,20 @@ def expected(vertices: Any, faces: list[list[int]]) -> list[tuple[tuple[float, .
     return sorted(shapes, key=lambda shape: len(shape) > 3)
 
 
+def spheres(centers: Any, radii: Any) -> list[tuple[tuple[float, ...], ...]]:
+    """What `shapes_of` gives for these."""
+    rows = np.column_stack([centers, np.broadcast_to(radii, len(centers))])
+    return [(tuple(row),) for row in rows.astype(np.float64).tolist()]
+
+
+def shades(store: Store) -> list[float]:
+    """The gray, or the red, of each object."""
+    return [each.color[0] for each in objects_of(store)]
+
+
 def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
     """A mesh's vertices have so many bytes, whatever the budget."""
-    patch.setattr("bfrt.conversion.rooms_for", lambda needs, _: [room] * len(needs))
+    patch.setattr("bfrt.conversion.convert.rooms_for", lambda needs, _: [room] * len(needs))
 
 
 def open_files() -> int:

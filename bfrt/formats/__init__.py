@@ -9,5 +9,6 @@
     las, laz ──────────────────────────► Points ─► points ────────►┘  │
     ply, obj without faces ────────────► Points              colors, triangulation
 
-`bfrt.formats.source` reads the bytes and words the errors; ``_x.pyx`` has the loop of ``x.py``.
+`bfrt.formats.source` reads the bytes and words the errors; ``_x.pyx`` has the loop of ``x.py``; PLY
+has a room of its own, `bfrt.formats.ply`.
 """

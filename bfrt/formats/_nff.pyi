@@ -7,7 +7,6 @@ from bfrt.formats.text import Tokens
 from bfrt.records import Kind
 
 MAX_TOKEN: int
-MAX_VERTICES: int
 MAX_RESOLUTION: int
 
 class Event(enum.IntEnum):

@@ -21,8 +21,8 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memcmp, memcpy, memmove
 
 from bfrt.formats.text cimport (
-    ENDLESS, FOUND, MINUS, NEWLINE, NOT_ASCII, NO_FINITE, NO_INTEGER, NO_NUMBER, NUL, PLUS,
-    POINT, RETURN, SPACE, STARVED, TOKEN_BYTES, Text, Tokens, consume, find_token, measure,
+    ENDLESS, FOUND, MINUS, MOST_CORNERS, NEWLINE, NOT_ASCII, NO_FINITE, NO_INTEGER, NO_NUMBER, NUL,
+    PLUS, POINT, RETURN, SPACE, STARVED, TOKEN_BYTES, Text, Tokens, consume, find_token, measure,
     pass_blanks, read_integer, read_number,
 )
 from bfrt.records cimport KINDS
@@ -81,14 +81,12 @@ cdef enum:
     RECENT = 16  # materials that are found again at once
 
 cdef enum:
-    COUNT_LIMIT = 1 << 20
     RESOLUTION_LIMIT = 65535
     # What a step of the loop ends with, if not with an Event.
     GO_ON = -3
     GROW = -4
 
 MAX_TOKEN = TOKEN_BYTES
-MAX_VERTICES = COUNT_LIMIT
 MAX_RESOLUTION = RESOLUTION_LIMIT
 
 cdef int SPHERES = Kind.SPHERE
@@ -341,7 +339,7 @@ cdef class Parser(Tokens):
             if not find_token(&self.text):
                 return self.run_dry(CUT_SHORT)
             if self.entity == POLYGON_COUNT or self.entity == PATCH_COUNT:
-                status = read_integer(&self.text, 3, COUNT_LIMIT, &x)
+                status = read_integer(&self.text, 3, MOST_CORNERS, &x)
             elif self.entity == VIEW_RESOLUTION:
                 status = read_integer(&self.text, 1, RESOLUTION_LIMIT, &x)
             else:

@@ -13,6 +13,7 @@ class Fault(enum.IntEnum):
     FEW_CORNERS = 5
     MANY_CORNERS = 6
     BINARY = 7
+    FAR_VERTEX = 8
 
 class Statement(enum.IntEnum):
     MATERIAL = 0

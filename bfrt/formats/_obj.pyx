@@ -22,6 +22,9 @@ cdef enum:
     BACKSLASH = 92
     SLASH = 47
 
+# From this vertex on a number says too much: no file has so many, and its digits may go on.
+cdef int64_t FAR = <int64_t>1 << 50
+
 cpdef enum Fault:
     NO_NUMBER = 1
     FEW_NUMBERS
@@ -30,6 +33,7 @@ cpdef enum Fault:
     FEW_CORNERS
     MANY_CORNERS
     BINARY
+    FAR_VERTEX
 
 cpdef enum Statement:
     MATERIAL
@@ -280,7 +284,7 @@ cdef class Lines(Tokens):
             self.fail(NO_INDEX)
             return False
         while i < self.text.length and <unsigned char>(self.text.token[i] - 48) < 10:
-            value = min(value * 10 + (self.text.token[i] - 48), <int64_t>1 << 50)
+            value = min(value * 10 + (self.text.token[i] - 48), FAR)
             i += 1
         if i < self.text.length and self.text.token[i] != SLASH:
             self.fail(NO_INDEX)
@@ -288,6 +292,9 @@ cdef class Lines(Tokens):
         index[0] = self.vertices - value if minus else value - 1
         if value == 0 or index[0] < 0:
             self.fail(NO_VERTEX)
+            return False
+        if value == FAR:
+            self.fail(FAR_VERTEX)
             return False
         consume(&self.text)
         return True

@@ -21,7 +21,7 @@ from bfrt.errors import BfrtError, SceneError
 from bfrt.formats.naming import within
 from bfrt.formats.origins import Origins, opened, refusal_of
 from bfrt.formats.source import Source, printable
-from bfrt.formats.table import Array, Field, Path, paths_of
+from bfrt.formats.table import Array, Column, Path, paths_of
 from bfrt.formats.trial import may_be_virtual, try_file
 
 
@@ -171,7 +171,7 @@ class Datasets(Mapping[str, Array]):
         except Exception as error:
             raise failure(self._source, error, "all that it is made of", f"{place}: ") from error
         array = Dataset(self._source, whole, h5py.Dataset(dataset), self._origins)
-        return Field(array, path) if path else array
+        return Column(array, path) if path else array
 
     def _list(self) -> None:
         """Find the names of all datasets; datasets that only links lead to come last."""

@@ -40,7 +40,6 @@ from bfrt.errors import SceneError, StreamError
 from bfrt.formats._nff import (
     MAX_RESOLUTION,
     MAX_TOKEN,
-    MAX_VERTICES,
     Entity,
     Event,
     Fault,
@@ -49,6 +48,7 @@ from bfrt.formats._nff import (
 from bfrt.formats.encoding import Decoder
 from bfrt.formats.object_writer import SceneSink
 from bfrt.formats.source import CHUNK_BYTES
+from bfrt.formats.text import MOST_CORNERS
 from bfrt.records import Kind
 from bfrt.store.model import Camera, Light, Material, Vector
 
@@ -330,7 +330,7 @@ def _qualification(parser: Parser) -> str:
         return ", 0 or more"
     if parser.fault == Fault.NOT_AN_INTEGER:
         low, high = (
-            (1, MAX_RESOLUTION) if parser.entity == Entity.VIEW_RESOLUTION else (3, MAX_VERTICES)
+            (1, MAX_RESOLUTION) if parser.entity == Entity.VIEW_RESOLUTION else (3, MOST_CORNERS)
         )
         return f", an integer from {low} to {high}"
     return ""

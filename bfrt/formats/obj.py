@@ -37,6 +37,7 @@ WORDS = {
     Fault.FEW_CORNERS: "found the line's end, expected three corners or more",
     Fault.MANY_CORNERS: f"found more than {MOST_CORNERS} corners, expected fewer",
     Fault.BINARY: "found {} and a NUL byte in the line, expected text",
+    Fault.FAR_VERTEX: "found vertex {}, expected one of the file's",
 }
 
 #: Blanks that part names of libraries; one that belongs to a name has a backslash before it.

@@ -2,7 +2,7 @@
 
 ::
 
-    records (n,) of x y z m        Field "x", "m"             a column of each
+    records (n,) of x y z m        Column "x", "m"            a column of each
     x (n,), y (n,), z (n,)         Abreast                    (n, 3)
     (h, w, 3), (frames, n, 3)      Array.shallow              (h w, 3), (n, 3)
 """
@@ -73,8 +73,8 @@ class Lazy(Mapping[str, Array]):
 Path = tuple[str, ...]
 
 
-class Field:
-    """Presents fields of records as an array: one as a column, several side by side.
+class Column:
+    """Presents a column of records as an array: one of their fields, or several side by side.
 
     Parameters
     ----------
@@ -102,8 +102,8 @@ class Field:
                 yield np.ascontiguousarray(inside(block, self.paths[0]))
 
     def shallow(self) -> Array:
-        """Return the fields of the array with one dimension less."""
-        return Field(self.array.shallow(), *self.paths)
+        """Return the column of the array with one dimension less."""
+        return Column(self.array.shallow(), *self.paths)
 
 
 def type_at(dtype: np.dtype[Any], path: Path) -> np.dtype[Any]:
@@ -137,11 +137,11 @@ def paths_of(dtype: np.dtype[Any]) -> list[Path]:
 def openers_of(dtype: np.dtype[Any], opened: Callable[[], Array]) -> dict[Path, Any]:
     """Return an opener for each field of an array of records, which itself is opened once."""
     whole = cache(opened)
-    return {path: partial(_field, whole, path) for path in paths_of(dtype)}
+    return {path: partial(_column, whole, path) for path in paths_of(dtype)}
 
 
-def _field(whole: Callable[[], Array], path: Path) -> Array:
-    return Field(whole(), path)
+def _column(whole: Callable[[], Array], path: Path) -> Array:
+    return Column(whole(), path)
 
 
 class Abreast:
@@ -170,14 +170,14 @@ class Abreast:
 
 def abreast(columns: list[Array]) -> Rows:
     """Join columns (n,) to one array; fields of one array's records are read together."""
-    whole = columns[0].array if isinstance(columns[0], Field) else None
+    whole = columns[0].array if isinstance(columns[0], Column) else None
     paths: list[Path] = []
     for column in columns:
-        if isinstance(column, Field) and column.array is whole and column.shape == whole.shape:
+        if isinstance(column, Column) and column.array is whole and column.shape == whole.shape:
             paths += column.paths
     numbers = all(column.dtype.kind in "fiub" for column in columns)
     if whole is not None and len(paths) == len(columns) and numbers:
-        return Field(whole, *paths)
+        return Column(whole, *paths)
     return Abreast(columns)
 
 

@@ -37,7 +37,7 @@ cdef enum:
     LAST_ASCII = 126
 
 cpdef enum:
-    MOST_CORNERS = 1 << 20  # of a face of a mesh
+    MOST_CORNERS = 1 << 20  # of a face of a mesh, or of a polygon of NFF
 
 # What a look at the text ends with. Never -1, which is an exception.
 cdef enum Look:

@@ -37,7 +37,7 @@ ROUNDED = 1e-9
 
 #: Corners of a face whose ears are cut, at the most: where it crosses itself everywhere, the time
 #: grows with their square.
-MOST_CORNERS = 1 << 17
+MOST_EAR_CORNERS = 1 << 17
 
 Triangles = NDArray[np.int64]
 Edge = tuple[int, int]
@@ -81,7 +81,7 @@ class Triangulation:
         Raises
         ------
         SceneError
-            For a face with more than `MOST_CORNERS` that is not convex.
+            For a face with more than `MOST_EAR_CORNERS` that is not convex.
         """
         triangles = np.empty((len(corners) - 2 * len(counts), 3), np.int64)
         cuts = np.empty(len(counts), np.uint8)
@@ -105,10 +105,10 @@ class Triangulation:
         return corners.take(triangles.reshape(-1), axis=0).reshape(-1, 9)
 
     def _check_corners(self, count: int, number: int) -> None:
-        if count > MOST_CORNERS:
+        if count > MOST_EAR_CORNERS:
             raise SceneError(
                 f"{self._name}: face {number}: found {count} corners that are not convex, expected "
-                f"at most {MOST_CORNERS} to make triangles of, or polygons= to keep it as it is"
+                f"at most {MOST_EAR_CORNERS} to make triangles of, or polygons= to keep it as it is"
             )
 
     def report(self) -> None:

@@ -313,7 +313,7 @@ def test_bytes_never_become_an_empty_store_without_a_word(tmp_path_factory, data
     before, said = open_files(), []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "bfrt.conversion.log.warning", lambda *words: said.append(words[0] % words[1:])
+            "bfrt.conversion.convert.log.warning", lambda *words: said.append(words[0] % words[1:])
         )
         try:
             assert convert(file).objects or said == [f"{file}: no object was found"]

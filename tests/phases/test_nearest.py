@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import hard_scenes, joined, random_objects, random_rays, units
 
-from bfrt.conversion import convert
+from bfrt.conversion.convert import convert
 from bfrt.phases.eye import EyeRays
 from bfrt.records import NO_HIT
 from bfrt.reference import exhaustive

@@ -1,0 +1,16 @@
+"""The command ``bfrt``.
+
+::
+
+    command ─► convert, render, spd, store     each with its options and what it does
+                     │
+                     ▼
+               options, view, bars             what commands have in common
+
+Exit status: 0 for success, 1 for bad input, 2 for wrong use or a refused budget, 130 for an
+interrupt.
+"""
+
+from bfrt.cli.command import main, parser
+
+__all__ = ["main", "parser"]

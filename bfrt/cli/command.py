@@ -1,0 +1,74 @@
+"""The command line as a whole: its parser, the command that it asks for, and how that ends."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import re
+import sys
+from collections.abc import Sequence
+
+import bfrt
+from bfrt.cli.convert import add_convert
+from bfrt.cli.render import add_render
+from bfrt.cli.spd import add_spd
+from bfrt.cli.store import add_info, add_verify
+from bfrt.errors import BfrtError, BudgetError, SettingError
+
+BAD_INPUT = 1
+WRONG_USE = 2
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit status."""
+    given = sys.argv[1:] if arguments is None else arguments
+    options = parser().parse_args(resolutions_apart(given))
+    logging.basicConfig(
+        format="bfrt: %(message)s", level=logging.ERROR if options.quiet else logging.WARNING
+    )
+    try:
+        options.run(options)
+    except (BudgetError, SettingError) as error:
+        return fail(error, WRONG_USE)
+    except (BfrtError, OSError) as error:
+        return fail(error, BAD_INPUT)
+    except KeyboardInterrupt:
+        return fail("interrupted", INTERRUPTED)
+    return 0
+
+
+def resolutions_apart(arguments: Sequence[str]) -> list[str]:
+    """Split a resolution given as one word, WxH, into the two arguments that the parser expects."""
+    apart: list[str] = []
+    for argument in arguments:
+        option, _, value = argument.rpartition("=")
+        asked = option or (apart[-1] if apart else "")
+        size = re.fullmatch(r"(\d+)[xX×](\d+)", value)
+        if size and len(asked) > 4 and "--resolution".startswith(asked):
+            apart += [*filter(None, [option]), *size.groups()]
+        else:
+            apart.append(argument)
+    return apart
+
+
+def fail(error: object, status: int) -> int:
+    """Print an error in one line."""
+    print(f"bfrt: {error}", file=sys.stderr)
+    return status
+
+
+def parser() -> argparse.ArgumentParser:
+    """Build the parser of the command line."""
+    top = argparse.ArgumentParser(
+        prog="bfrt",
+        description="Ray trace scenes larger than memory, out of core, inside a memory budget.",
+    )
+    top.add_argument("--version", action="version", version=f"bfrt {bfrt.__version__}")
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    add_convert(commands)
+    add_render(commands)
+    add_spd(commands)
+    add_info(commands)
+    add_verify(commands)
+    return top

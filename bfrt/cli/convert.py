@@ -1,0 +1,61 @@
+"""The command ``bfrt convert``, and the conversion that ``bfrt render`` begins with."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from bfrt.cli.bars import reading_bar
+from bfrt.cli.options import add_hierarchy, add_reading, command, hierarchy_of
+from bfrt.conversion.convert import convert
+from bfrt.conversion.sources import READERS
+from bfrt.scene import PathLike, Scene
+from bfrt.store.hierarchy import Hierarchy
+
+
+def add_convert(commands: Any) -> None:
+    made = command(commands, "convert", run_convert, "Stream a scene file into a scene store.")
+    made.add_argument(
+        "input", nargs="+",
+        help=f"a file ({' '.join(READERS)}), - for NFF from standard input, or spd:NAME:SIZE; "
+        "of several, each is a group",
+    )  # fmt: skip
+    made.add_argument("-o", "--output", required=True, help="the store to make (X.bfrt)")
+    made.add_argument("--memory", help="budget of the whole process (default: a quarter)")
+    made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
+    add_hierarchy(made)
+    add_reading(made)
+
+
+def run_convert(options: argparse.Namespace) -> None:
+    convert_input(options, options.output, hierarchy_of(options))
+
+
+def convert_input(
+    options: argparse.Namespace,
+    target: PathLike,
+    hierarchy: Hierarchy | None = None,
+    *,
+    durable: bool = True,
+) -> Scene:
+    """Convert what the command line names as input, with its settings, under a progress bar."""
+    sources = [options.input] if isinstance(options.input, str) else options.input
+    with reading_bar(*sources, quiet=options.quiet) as progress:
+        return convert(
+            sources,
+            target,
+            dtype=options.dtype,
+            hierarchy=hierarchy,
+            memory=options.memory,
+            scratch=options.scratch,
+            radius=options.radius,
+            positions=options.positions,
+            color_by=options.color_by,
+            colormap=options.colormap,
+            color_range=options.color_range,
+            skip_invalid=options.skip_invalid,
+            triangulate=options.triangulate,
+            polygons=options.polygons,
+            progress=progress,
+            durable=durable,
+        )

@@ -1,0 +1,84 @@
+"""Options that several commands have, and the settings that they stand for."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
+
+#: Settings of a conversion, which files use and stores have no use for.
+READING = (
+    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
+    "triangulate", "polygons",
+)  # fmt: skip
+
+
+def command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], None], about: str
+) -> argparse.ArgumentParser:
+    """Add a command with the options that all commands have."""
+    made: argparse.ArgumentParser = commands.add_parser(name, help=about, description=about)
+    made.add_argument("--quiet", action="store_true", help="no progress bar and no warnings")
+    made.set_defaults(run=run)
+    return made
+
+
+def add_reading(made: argparse.ArgumentParser) -> None:
+    """Add the options that say how to read files of points and meshes."""
+    group = made.add_argument_group("reading files of meshes and points")
+    group.add_argument(
+        "--dtype", choices=("float32", "float64"), help="of coordinates (default: the file's own)"
+    )
+    group.add_argument(
+        "--radius", type=number_or_name, metavar="R|NAME",
+        help="of points: in the file's units, or the name of what has each one's",
+    )  # fmt: skip
+    group.add_argument(
+        "--positions", metavar="NAME", help="the array of points, or a group with x, y and z"
+    )
+    group.add_argument(
+        "--color-by", metavar="NAME",
+        help="numbers that a map makes colors of, or rgb for the file's own colors",
+    )  # fmt: skip
+    group.add_argument("--colormap", metavar="NAME", help="cubehelix, gray, or one of matplotlib's")
+    group.add_argument(
+        "--color-range", type=float, nargs=2, metavar=("LO", "HI"),
+        help="numbers of the map's ends (default: the least and the greatest, by another pass)",
+    )  # fmt: skip
+    group.add_argument(
+        "--skip-invalid",
+        action="store_true",
+        help="drop objects that are not finite "
+        "and faces of fewer than three corners, and say how many",
+    )
+    corners = group.add_mutually_exclusive_group()
+    corners.add_argument(
+        "--triangulate", action="store_true",
+        help="make triangles of all faces of more corners (default: of those that are not flat)",
+    )  # fmt: skip
+    corners.add_argument(
+        "--polygons", action="store_true", help="keep all faces of more corners as polygons"
+    )
+
+
+def number_or_name(text: str) -> float | str:
+    """Return a number where the text is one, else the text as a name."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def add_hierarchy(made: argparse.ArgumentParser) -> None:
+    made.add_argument(
+        "--hierarchy", metavar="SETTINGS",
+        help="of the box hierarchy, by the paper's letters, as s=3,n=1000,l=4,t=1; and bits=0 for "
+        "no quantised boxes",
+    )  # fmt: skip
+
+
+def hierarchy_of(options: argparse.Namespace, default: Hierarchy | None = None) -> Hierarchy | None:
+    """Return the hierarchy settings that the command line gives, or None."""
+    return None if options.hierarchy is None else parse_hierarchy(options.hierarchy, default)

@@ -1,0 +1,151 @@
+"""The command ``bfrt render``: a picture of a store, or of what is converted for it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from bfrt.cli.bars import wants_bar
+from bfrt.cli.convert import convert_input
+from bfrt.cli.options import READING, add_reading, command
+from bfrt.cli.view import add_view, camera_of
+from bfrt.conversion.sources import is_store
+from bfrt.errors import SettingError
+from bfrt.image.picture import SUFFIXES
+from bfrt.planned import Plan
+from bfrt.records import ON_REQUEST
+from bfrt.scene import Scene, open_scene
+from bfrt.settings import FINEST, REFINEMENTS, scratch_folder
+from bfrt.view import aovs_of
+
+
+def add_render(commands: Any) -> None:
+    made = command(commands, "render", run_render, "Render a scene inside a memory budget.")
+    made.add_argument(
+        "input", help="a scene store, or what convert takes, converted before and removed after"
+    )
+    made.add_argument(
+        "-o", "--output", action="append", default=[], metavar="FILE",
+        help="picture to write: .exr, .png or .npy; may be repeated",
+    )  # fmt: skip
+    made.add_argument(
+        "--memory", help="budget of the whole process, as 256MiB or 1GB (default: a quarter)"
+    )
+    made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    made.add_argument(
+        "--samples", type=int, metavar="N",
+        help="stratified samples a pixel (default: one ray at each pixel corner)",
+    )  # fmt: skip
+    made.add_argument("--depth", type=int, default=5, metavar="N", help="hits along a path (5)")
+    made.add_argument(
+        "--aov", type=lambda names: tuple(names.split(",")), default=(), metavar="NAMES",
+        help="channels that the EXR has too, of: " + ",".join(ON_REQUEST),
+    )  # fmt: skip
+    add_view(made)
+    made.add_argument(
+        "--refine", choices=REFINEMENTS, default=FINEST,
+        help="the paper's refinements: base none, sg lazy geometry, sgb the hierarchy too (sgb)",
+    )  # fmt: skip
+    made.add_argument(
+        "--plan", action="store_true",
+        help="only print an estimate of passes, bytes, disk and seconds; nothing is written",
+    )  # fmt: skip
+    made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
+    made.add_argument("--stats", metavar="FILE", help="write counters as JSON")
+    made.add_argument("--table", action="store_true", help="print counters as a table")
+    made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
+    made.add_argument(
+        "--fresh-marks", action="store_true", help="make the voxel marks of the store again"
+    )
+    made.add_argument(
+        "--grid", type=int, metavar="N", help="voxels on the longest axis, instead of the rule's"
+    )
+    made.add_argument(
+        "--max-grid", type=int, metavar="N", help="voxels on the longest axis at the most"
+    )
+    add_reading(made)
+
+
+def run_render(options: argparse.Namespace) -> None:
+    check_outputs(options.output, aovs_of(options.aov))
+    if options.plan:
+        print(plan_asked(options))
+        return
+    if not options.output:
+        raise SettingError("render: nothing to write: expected -o FILE, or --plan")
+    with opened(options) as scene:
+        image = scene.render(progress=wants_bar(options.quiet), **settings_of(options, scene))
+    for output in options.output:
+        image.save(output, half=options.half and output.lower().endswith(".exr"))
+    assert image.stats is not None
+    if options.stats:
+        Path(options.stats).write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
+    if options.table:
+        print(image.stats.table())
+
+
+def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
+    """Refuse a suffix, or channels that no output would keep, before the work, not after it."""
+    for output in outputs:
+        if Path(output).suffix.lower() not in SUFFIXES:
+            raise SettingError(
+                f"{output}: found suffix {Path(output).suffix!r}, expected {', '.join(SUFFIXES)}"
+            )
+    if aovs and not any(output.lower().endswith(".exr") for output in outputs):
+        raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
+
+
+def plan_asked(options: argparse.Namespace) -> Plan:
+    """Return the plan of a render; refuse an input that is no store: converting one is work."""
+    if not is_store(options.input):
+        raise SettingError(
+            f"{options.input}: found no scene store to plan for: expected one that bfrt convert "
+            "or bfrt spd has made"
+        )
+    scene = open_scene(options.input)
+    return scene.plan(**settings_of(options, scene))
+
+
+def settings_of(options: argparse.Namespace, scene: Scene) -> dict[str, Any]:
+    """Return the settings that a render and its plan have in common, as keywords."""
+    return {
+        "memory": options.memory,
+        "threads": options.threads,
+        "camera": camera_of(options, scene.store),
+        "samples": options.samples,
+        "depth": options.depth,
+        "aovs": options.aov,
+        "refine": options.refine,
+        "fresh_marks": options.fresh_marks,
+        "grid": options.grid,
+        "max_grid": options.max_grid,
+        "scratch": options.scratch,
+    }
+
+
+@contextmanager
+def opened(options: argparse.Namespace) -> Iterator[Scene]:
+    """Yield the scene to render: the store given, or a file converted in the scratch folder."""
+    if is_store(options.input):
+        for name in READING:
+            asked = getattr(options, name)
+            if asked is not None and asked is not False:
+                flag = name.replace("_", "-")
+                raise SettingError(
+                    f"{options.input}: found --{flag}, expected it for a file, not for a store"
+                )
+        yield open_scene(options.input)
+        return
+    folder = scratch_folder(options.scratch, Path(options.output[0]))
+    temporary = Path(tempfile.mkdtemp(prefix="bfrt-", dir=folder))
+    try:
+        name = Path(options.input.replace(":", "-")).stem or "scene"
+        yield convert_input(options, temporary / f"{name}.bfrt", durable=False)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

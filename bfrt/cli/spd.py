@@ -1,0 +1,59 @@
+"""The command ``bfrt spd``: a standard scene as a store, as NFF text, or as both."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+import bfrt
+from bfrt.cli.bars import making_bar
+from bfrt.cli.options import add_hierarchy, command, hierarchy_of
+from bfrt.conversion.sources import parse_spd
+from bfrt.errors import SettingError
+from bfrt.settings import at_least_one
+from bfrt.spd.mount import HASHES
+from bfrt.streams.atomic_write import atomic_path
+
+
+def add_spd(commands: Any) -> None:
+    names = ", ".join(bfrt.spd.NAMES)
+    made = command(commands, "spd", run_spd, "Make a standard scene of any size.")
+    made.add_argument("name", help=names)
+    made.add_argument("size", help="the size factor, 1 or more")
+    made.add_argument("-o", "--output", metavar="DIR", help="the store to make")
+    made.add_argument("--nff", metavar="FILE", help="write NFF text (- for standard output)")
+    made.add_argument(
+        "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
+    )
+    made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    add_hierarchy(made)
+
+
+def run_spd(options: argparse.Namespace) -> None:
+    if options.output is None and options.nff is None:
+        raise SettingError("spd: nothing to make: expected -o DIR, --nff FILE or both")
+    scene = parse_spd(f"spd:{options.name}:{options.size}", hash=options.hash)
+    threads = None if options.threads is None else at_least_one("threads", options.threads)
+    if options.nff == "-":
+        scene.write_nff(sys.stdout, threads=threads)
+    elif options.nff is not None:
+        with (
+            atomic_path(options.nff) as path,
+            path.open("w") as file,
+            making_bar(scene, "text", options.quiet) as progress,
+        ):
+            scene.write_nff(file, threads=threads, progress=progress)
+    if options.output is not None:
+        if not options.quiet:
+            print(
+                f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes",
+                file=sys.stderr,
+            )
+        with making_bar(scene, "store", options.quiet) as progress:
+            scene.write(
+                options.output,
+                hierarchy=hierarchy_of(options, scene.hierarchy),
+                threads=threads,
+                progress=progress,
+            )

@@ -1,0 +1,70 @@
+"""Commands about a store that is there: ``bfrt info`` and ``bfrt verify``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from bfrt.cli.options import command
+from bfrt.store.store import Store, bounds_to, open_store
+
+
+def add_info(commands: Any) -> None:
+    made = command(commands, "info", run_info, "Show what a scene store holds.")
+    made.add_argument("store")
+    made.add_argument("--json", action="store_true", help="the same as JSON")
+
+
+def run_info(options: argparse.Namespace) -> None:
+    facts = describe(open_store(options.store))
+    if options.json:
+        print(json.dumps(facts, indent=1))
+        return
+    for key, value in facts.items():
+        if key == "streams":
+            for stream in value:
+                print("  ".join(f"{k} {v}" for k, v in stream.items()))
+        else:
+            print(f"{key}: {value}")
+
+
+def describe(store: Store) -> dict[str, Any]:
+    """Return what ``info`` shows of a store, ready for JSON."""
+    camera = store.camera
+    return {
+        "store": str(store.path),
+        "objects": store.objects,
+        "bytes": store.bytes,
+        "bytes_per_object": round(store.bytes / max(store.objects, 1), 2),
+        "origin": list(store.origin),
+        "bounds": bounds_to(store.world_bounds),
+        "camera": None if camera is None else camera.__dict__,
+        "lights": len(store.lights),
+        "materials": len(store.materials()),
+        "outliers": sum(len(group.outliers) for group in store.groups),
+        "streams": [
+            {
+                "group": stream.group,
+                "kind": stream.kind.label,
+                "objects": stream.count,
+                "degenerate": stream.degenerate,
+                "levels": list(stream.levels),
+                "dtype": "float64" if stream.wide else "float32",
+                "bytes": sum(facts.bytes for facts in stream.files.values()),
+            }
+            for stream in store.streams
+        ],
+    }
+
+
+def add_verify(commands: Any) -> None:
+    made = command(commands, "verify", run_verify, "Read a whole store and check its checksums.")
+    made.add_argument("store")
+
+
+def run_verify(options: argparse.Namespace) -> None:
+    store = open_store(options.store)
+    store.verify()
+    if not options.quiet:
+        print(f"{store.path}: {store.objects} objects, {store.bytes} bytes, all as written")

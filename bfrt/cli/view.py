@@ -1,0 +1,50 @@
+"""Options of the view, and the camera that they ask for."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from typing import Any
+
+import bfrt
+from bfrt.conversion.views import read_view
+from bfrt.framing import framing_camera
+from bfrt.store.model import Camera
+from bfrt.store.store import Store
+
+
+def add_view(made: argparse.ArgumentParser) -> None:
+    """Add the options that say from where a picture is taken."""
+    made.add_argument(
+        "--resolution", type=int, nargs=2, metavar=("W", "H"), help="in pixels; or as WxH"
+    )
+    made.add_argument(
+        "--view", metavar="FILE|NAME",
+        help=f"take the view (v) of this NFF file, or one of: {', '.join(bfrt.spd.VIEWS)}",
+    )  # fmt: skip
+    vector: dict[str, Any] = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
+    made.add_argument("--from", dest="eye", help="where the eye is", **vector)
+    made.add_argument("--at", help="what it looks at", **vector)
+    made.add_argument("--up", help="which way is up", **vector)
+    made.add_argument("--angle", type=float, help="degrees from bottom to top")
+
+
+def camera_of(options: argparse.Namespace, store: Store) -> Camera:
+    """Return the camera to render with: the store's, a named view's, or one that frames the scene,
+    with the changes that the command line asks for.
+    """
+    camera = store.camera if options.view is None else view_of(options.view)
+    asked = {
+        "eye": options.eye and tuple(options.eye),
+        "at": options.at and tuple(options.at),
+        "up": options.up and tuple(options.up),
+        "angle": options.angle,
+        "resolution": options.resolution and tuple(options.resolution),
+    }
+    changes: dict[str, Any] = {key: value for key, value in asked.items() if value is not None}
+    return framing_camera(store, **changes) if camera is None else replace(camera, **changes)
+
+
+def view_of(name: str) -> Camera:
+    """Return the camera of a view of `bfrt.spd.VIEWS`, or of an NFF file."""
+    return bfrt.spd.VIEWS[name] if name in bfrt.spd.VIEWS else read_view(name)

@@ -1,0 +1,258 @@
+"""The conversion of scene files and standard scenes to a store: each becomes a group."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from bfrt.conversion.sinks import Behind, GroupSink
+from bfrt.conversion.sources import (
+    SceneFile,
+    SceneSource,
+    StandardScene,
+    read_nff_as_is,
+    sources_of,
+)
+from bfrt.errors import SceneError
+from bfrt.formats.reading import RGB, Reading, Uses
+from bfrt.formats.room import need_of, rooms_for
+from bfrt.formats.source import Report
+from bfrt.memory import default_memory, parse_memory
+from bfrt.scene import PathLike, Scene, SceneWriter
+from bfrt.spd.recipe import SpdScene
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.workers import usable_threads
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """Holds the checked settings of a conversion.
+
+    Parameters
+    ----------
+    sources : tuple of SceneFile or StandardScene
+        Each becomes a group; the first one's view, lights and background are the scene's.
+    target : path-like
+        The store to make.
+    reading : Reading
+        How files are read.
+    memory : int
+        The budget of the whole process, in bytes.
+    dtype : {None, "float32", "float64"}
+        The type that geometry is stored as; None keeps the files' own.
+    hierarchy : Hierarchy, optional
+        Settings of the box hierarchy, if others than the first source's are asked for.
+    durable : bool
+        Whether the store outlives a loss of power.
+    """
+
+    sources: tuple[SceneSource, ...]
+    target: PathLike
+    reading: Reading
+    memory: int
+    dtype: Any
+    hierarchy: Hierarchy | None
+    durable: bool
+
+    @property
+    def names(self) -> str:
+        """Return the names of all sources, for errors."""
+        return ", ".join(source.name for source in self.sources)
+
+    @property
+    def first_scene(self) -> SpdScene | None:
+        """Return the standard scene that the first source is, if it is one."""
+        first = self.sources[0]
+        return first.scene if isinstance(first, StandardScene) else None
+
+    @property
+    def is_plain(self) -> bool:
+        """Tell whether all sources are NFF or standard scenes, of float32 around zero."""
+        files = [source for source in self.sources if isinstance(source, SceneFile)]
+        return all(file.reader is read_nff_as_is for file in files)
+
+
+def convert(
+    source: PathLike | Sequence[PathLike],
+    target: PathLike,
+    *,
+    dtype: Any = None,
+    hierarchy: Hierarchy | None = None,
+    memory: str | int | None = None,
+    scratch: PathLike | None = None,
+    radius: float | str | None = None,
+    positions: str | None = None,
+    color_by: str | None = None,
+    colormap: str | None = None,
+    color_range: tuple[float, float] | None = None,
+    skip_invalid: bool = False,
+    triangulate: bool = False,
+    polygons: bool = False,
+    progress: Report | None = None,
+    durable: bool = True,
+) -> Scene:
+    """Convert scene files to a scene store, streaming.
+
+    Parameters
+    ----------
+    source : path-like, or sequence of path-like
+        A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, "-" for NFF from
+        standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group
+        with a grid of its own, which suits a small dense thing in a large sparse one. The view, the
+        lights and the background are the first file's. A setting applies to the files that use it.
+    target : path-like
+        The store to make. An existing store is replaced when the new one is complete; anything
+        else is refused.
+    dtype : {None, "float32", "float64"}
+        The type that geometry is stored as. None keeps the file's own: float32 or float64 by its
+        types, and float64 for text without types (OBJ, text STL). If all sources are NFF or
+        standard scenes, None is float32.
+    hierarchy : Hierarchy, optional
+        Settings of the box hierarchy. By default `Hierarchy`'s, and for a standard scene the
+        paper's settings for that scene.
+    memory : str or int, optional
+        The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
+        machine's memory, or of its cgroup's limit. The least depends on the files: 53 MiB for small
+        ones. A mesh whose vertices take more is joined on disk, in forward passes.
+    scratch : path-like, optional
+        Folder for the temporary files of such a join. By default the target's parent.
+    radius : float or str, optional
+        The radius of points, in the file's units, or the name of the column or array with a radius
+        for each point.
+    positions : str, optional
+        Name of the array or dataset with the points' positions, or of the group with x, y and z.
+    color_by : str, optional
+        Name of the column or array of numbers that a color map turns into colors; "rgb" for the
+        file's own colors, which are rounded to 65,536. A face has the mean of its vertices.
+    colormap : str, optional
+        The map: "cubehelix", the default, or "gray"; with matplotlib any of its maps.
+    color_range : (float, float), optional
+        The numbers that get the map's first and last color. By default the least and the greatest
+        number, which costs a pass over the file.
+    skip_invalid : bool
+        Drop objects that are not finite and faces of fewer than three corners, and log how many. By
+        default they are refused.
+    triangulate : bool
+        Store all faces of more than three corners as triangles, a face of k corners as k - 2. By
+        default faces that are not flat become triangles, with a logged count, and flat ones
+        polygons.
+    polygons : bool
+        Store all faces of more than three corners as polygons, each in the plane that fits it.
+    progress : callable, optional
+        Called with the number of bytes read so far, of all files.
+    durable : bool
+        Whether the store outlives a loss of power; not needed for one that is soon removed.
+
+    Returns
+    -------
+    Scene
+        The new store, opened.
+
+    Raises
+    ------
+    SceneError, ShortReadError
+        If a file is damaged or no scene: one line with file, place, what was found and what was
+        expected. Nothing is left behind.
+    BudgetError
+        If the budget is below the least that works, which the message names.
+    SettingError
+        If no reader knows a file's suffix, a setting does not fit the file, or no file uses it.
+    DiskFullError, StreamError
+        If the system refuses a read or a write; nothing is left behind.
+    """
+    sources = sources_of(source)
+    reading = Reading(
+        radius=radius,
+        positions=positions,
+        color_by=color_by,
+        colormap=colormap,
+        color_range=color_range,
+        skip_invalid=skip_invalid,
+        triangulate=triangulate,
+        polygons=polygons,
+        scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
+        uses=Uses(len(sources)),
+    )
+    budget = default_memory() if memory is None else parse_memory(memory)
+    asked = Conversion(sources, target, reading, budget, dtype, hierarchy, durable)
+    scene = write_scene(asked, progress)
+    if not scene.objects:
+        log.warning("%s: no object was found", asked.names)
+    return scene
+
+
+def write_scene(asked: Conversion, progress: Report | None) -> Scene:
+    """Write the sources one after the other, each into its group."""
+    rooms = rooms_of(asked)
+    with open_writer(asked) as writer:
+        if asked.first_scene is not None:
+            writer.expect(asked.first_scene.counts, asked.first_scene.surface)
+        for group, (source, room) in enumerate(zip(asked.sources, rooms, strict=True)):
+            sink = GroupSink(writer, group)
+            if isinstance(source, StandardScene):
+                asked.reading.refuse_all_but(source.name)
+                source.scene.feed(sink, usable_threads())
+            else:
+                reading = replace(asked.reading, room=room)
+                read_file(source, sink, reading, after(progress, asked.sources[:group]))
+        with complaints_of(asked.names):
+            return writer.close()
+
+
+def rooms_of(asked: Conversion) -> list[int]:
+    """Return the bytes that each source's conversion leaves of the budget for vertices.
+
+    Raises
+    ------
+    BudgetError
+        If the budget is less than the least that works for all.
+    """
+    colored = asked.reading.color_by == RGB
+    sizes = [s.scene.store_bytes if isinstance(s, StandardScene) else None for s in asked.sources]
+    sized = zip(asked.sources, sizes, strict=True)
+    needs = [need_of(source.name, size, colored=colored) for source, size in sized]
+    return rooms_for(needs, asked.memory)
+
+
+def open_writer(asked: Conversion) -> SceneWriter:
+    """Open the writer of the store."""
+    first = asked.first_scene
+    return SceneWriter(
+        asked.target,
+        dtype="float32" if asked.is_plain and asked.dtype is None else asked.dtype,
+        origin=(0.0, 0.0, 0.0) if asked.is_plain else None,
+        hierarchy=asked.hierarchy or (first.hierarchy if first is not None else None),
+        durable=asked.durable,
+    )
+
+
+def read_file(file: SceneFile, sink: GroupSink, reading: Reading, progress: Report | None) -> None:
+    """Read a file into a sink, whose errors get the file's name too."""
+    with complaints_of(file.name), Behind(sink) as behind:
+        file.reader(file.name, behind, reading, progress)
+
+
+def after(progress: Report | None, sources: Sequence[SceneSource]) -> Report | None:
+    """Return a reporter that counts some files as read already."""
+    if progress is None:
+        return None
+    paths = [Path(source.name) for source in sources]
+    read = sum(path.stat().st_size for path in paths if path.is_file())
+    return lambda done: progress(read + done)
+
+
+@contextmanager
+def complaints_of(name: str) -> Iterator[None]:
+    """Have errors about a scene begin with its file's name."""
+    try:
+        yield
+    except SceneError as error:
+        if str(error).startswith((name, "<stdin>")):
+            raise
+        raise SceneError(f"{name}: {error}") from error
