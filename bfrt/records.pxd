@@ -138,6 +138,18 @@ cdef packed struct Material:
     float transmittance
     float ior
 
+cdef packed struct Treelet:
+    float lox
+    float loy
+    float loz
+    float hix
+    float hiy
+    float hiz
+    uint64_t first  # object, in the stream
+    uint64_t node   # the first of its nodes, in the stream
+    uint32_t count
+    uint32_t nodes
+
 cdef packed struct Parent:
     float lox
     float loy

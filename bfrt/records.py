@@ -14,6 +14,8 @@ HIT             88  an intersection that waits for shading
 CANDIDATE        8  voxel (30 bits), ray (21), face (3): a ray stored in a voxel
 MATERIAL        32  a material of the palette
 PARENT          32  a box of a hierarchy's level: around its children, and where they end
+TREELET         48  a treelet: the box around it, its objects and its nodes
+NODE            80  a node of a treelet's tree, or of the tree above: eight quantised boxes
 QUERY_PATH      24  a PATH of a ray that somebody asks about: its number, hits counted
 QUERY_RAY       88  a HIT with a QUERY_PATH
 CROSSING        24  a place where a ray in flight crosses an object
@@ -109,10 +111,19 @@ MATERIAL = np.dtype(
     ]
 )
 
-PARENT = np.dtype(
+_SIDES = [(name, "<f4") for name in ("lox", "loy", "loz", "hix", "hiy", "hiz")]
+PARENT = np.dtype([*_SIDES, ("end", "<i8")])
+TREELET = np.dtype([*_SIDES, ("first", "<u8"), ("node", "<u8"), ("count", "<u4"), ("nodes", "<u4")])
+NODE = np.dtype(
     [
-        *((name, "<f4") for name in ("lox", "loy", "loz", "hix", "hiy", "hiz")),
-        ("end", "<i8"),
+        ("low", "<f4", 3),
+        ("exponent", "i1", 3),
+        ("inner", "u1"),
+        ("child", "<u4"),
+        ("first", "<u4"),
+        ("count", "u1", 8),
+        ("lo", "u1", (3, 8)),
+        ("hi", "u1", (3, 8)),
     ]
 )
 
@@ -127,6 +138,8 @@ DELAYED_BYTES = 24
 CANDIDATE_BYTES = 8
 MATERIAL_BYTES = 32
 PARENT_BYTES = 32
+TREELET_BYTES = 48
+NODE_BYTES = 80
 BOX_BYTES = 24
 CODE_BYTES = 6  # a box quantised in its parent's
 OFFSET_BYTES = 4  # a polygon's end, counted in vertices
@@ -161,6 +174,8 @@ for _dtype, _bytes in (
     (DELAYED, DELAYED_BYTES),
     (MATERIAL, MATERIAL_BYTES),
     (PARENT, PARENT_BYTES),
+    (TREELET, TREELET_BYTES),
+    (NODE, NODE_BYTES),
 ):
     if _dtype.itemsize != _bytes:
         raise TypeError(f"{_dtype} has {_dtype.itemsize} bytes, not {_bytes}")

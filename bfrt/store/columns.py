@@ -19,7 +19,11 @@ from bfrt.store._bounds import bound
 from bfrt.store.extent import Extent
 from bfrt.store.header import facts_of
 from bfrt.store.hierarchy import Boxes, Hierarchy, HierarchyWriter, Level
+from bfrt.store.locality import Locality
+from bfrt.store.material_column import MaterialColumn
 from bfrt.store.model import Vector
+from bfrt.store.ordering.given import GivenFiles
+from bfrt.store.ordering.objects import Layout
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
@@ -77,61 +81,6 @@ def prepare(
     return Prepared(kind, wide, flat, counts, materials, boxes, degenerate, bad, group)
 
 
-class MaterialColumn:
-    """Writes a stream's materials in the smallest integers that fit; nothing for a single one."""
-
-    def __init__(self, folder: Path, durable: bool) -> None:
-        self._path = folder / "materials"
-        self._durable = durable
-        self._file: FileWriter | None = None
-        self._count = 0
-        self.first = 0
-        self.bytes = 0
-
-    def append(self, materials: NDArray[np.uint32]) -> None:
-        if self._count == 0 and len(materials):
-            self.first = int(materials[0])
-        top = max(self.first, int(materials.max(initial=0)))
-        width = 1 if top < 1 << 8 else 2 if top < 1 << 16 else 4
-        if width > self.bytes and (self.bytes or not (materials == self.first).all()):
-            self._widen(width)
-        if self._file is not None:
-            self._file.write(materials.astype(f"<u{self.bytes}"), kept=True)
-        self._count += len(materials)
-
-    def _widen(self, width: int) -> None:
-        """Write the indices so far again, in wider integers."""
-        old, old_bytes = self._file, self.bytes
-        wider = FileWriter(self._path.with_suffix(f".{width}"), self._durable)
-        self._file, self.bytes = wider, width
-        if old is None:
-            for done in range(0, self._count, BLOCK):
-                n = min(BLOCK, self._count - done)
-                wider.write(np.full(n, self.first, f"<u{width}"))
-            return
-        old.close()
-        try:
-            with old.path.open("rb") as file:
-                while block := file.read(BLOCK):
-                    wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
-            old.path.unlink()
-        except OSError as error:
-            raise refused(old.path, 0, error, "reading") from error
-
-    def close(self) -> FileWriter | None:
-        if self._file is not None:
-            self._file.close()
-            try:
-                self._file.path.rename(self._path)
-            except OSError as error:
-                raise refused(self._path, 0, error, "renaming to it") from error
-        return self._file
-
-    def abandon(self) -> None:
-        if self._file is not None:
-            self._file.abandon()
-
-
 class StreamWriter:
     """Writes the files of one kind."""
 
@@ -148,6 +97,7 @@ class StreamWriter:
         self.count = self.degenerate = self.vertices = self.largest = 0
         self.materials = MaterialColumn(folder, durable)
         self.hierarchy: HierarchyWriter | None = None
+        self.locality = Locality()
         self._expected = 0
         names = ["geometry"]
         if kind != Kind.SPHERE:
@@ -161,6 +111,11 @@ class StreamWriter:
         except BaseException:
             self.abandon()
             raise
+
+    @property
+    def number(self) -> int:
+        """Return the stream's part of an object id."""
+        return stream_number(self.group, self.kind)
 
     @property
     def label(self) -> str:
@@ -180,8 +135,8 @@ class StreamWriter:
         if "boxes" in self.files:
             self.files["boxes"].write(block.boxes, kept=True)
         self.materials.append(block.materials)
-        first = object_id(stream_number(self.group, self.kind), self.count)
-        extent.add(block.boxes, first)
+        extent.add(block.boxes, object_id(self.number, self.count))
+        self.locality.add(block.boxes)
         if self.hierarchy is not None:
             self.hierarchy.add(block.boxes)
         self.count += n
@@ -213,6 +168,12 @@ class StreamWriter:
             )
         self.hierarchy.complete(self._boxes(origin), self.count)
         return self.hierarchy.levels
+
+    def given(self, origin: Vector) -> GivenFiles:
+        """Describe the complete files."""
+        materials = self.materials
+        layout = Layout(self.kind, self.wide, origin)
+        return GivenFiles(self._folder, layout, self.count, materials.first, materials.bytes)
 
     def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
         """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""
@@ -246,6 +207,9 @@ class StreamWriter:
             "largest": self.largest,
             "levels": [],
             "quantised": False,
+            "id_bytes": 0,
+            "treelets": 0,
+            "nodes": 0,
             "files": files,
         }
 

@@ -5,17 +5,42 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
 
 from bfrt.errors import SettingError
+from bfrt.ids import index_of, object_id, stream_of
 from bfrt.records import Kind
 from bfrt.store.columns import Prepared, StreamWriter
 from bfrt.store.extent import Bounds, Extent
 from bfrt.store.header import facts_of
-from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.hierarchy import Hierarchy, HierarchyWriter, Level
 from bfrt.store.model import Vector
+from bfrt.store.ordering.given import GivenFiles
+from bfrt.store.ordering.order import Ordering
 from bfrt.store.store import bounds_to
 from bfrt.streams.atomic_write import refused
+
+#: The order in which a store keeps its objects.
+Order = Literal["given", "spatial", "auto"]
+
+
+class Making(NamedTuple):
+    """Says how the groups of a store are made.
+
+    Attributes
+    ----------
+    hierarchy : Hierarchy
+        Settings of the box hierarchy.
+    order : {"given", "spatial", "auto"}
+    durable : bool
+        Whether files outlive a loss of power.
+    """
+
+    hierarchy: Hierarchy
+    order: Order
+    durable: bool
 
 
 class GroupWriter:
@@ -27,9 +52,11 @@ class GroupWriter:
         The group's folder, which is created.
     number : int
         The group's number.
+    making : Making
+        How it is made.
     """
 
-    def __init__(self, folder: Path, number: int, hierarchy: Hierarchy, durable: bool) -> None:
+    def __init__(self, folder: Path, number: int, making: Making) -> None:
         try:
             folder.mkdir()
         except OSError as error:
@@ -38,8 +65,7 @@ class GroupWriter:
         self.hierarchy_seconds = 0.0
         self._folder = folder
         self._number = number
-        self._hierarchy = hierarchy
-        self._durable = durable
+        self._making = making
         self._extent = Extent()
         self._expected: Mapping[Kind, int] = {}
         self._surface = 0.0
@@ -59,11 +85,13 @@ class GroupWriter:
         """Write a block: the next objects of its kind."""
         if block.kind not in self.streams:
             stream = StreamWriter(
-                self._folder / block.kind.label, self._number, block.kind, block.wide, self._durable
-            )
+                self._folder / block.kind.label, self._number, block.kind, block.wide,
+                self._making.durable,
+            )  # fmt: skip
             self.streams[block.kind] = stream
-            if count := self._expected.get(block.kind):
-                stream.expect(count, self._surface, self._hierarchy)
+            count = self._expected.get(block.kind)
+            if count and self._making.order == "given":
+                stream.expect(count, self._surface, self._making.hierarchy)
         self.streams[block.kind].append(block, self._extent)
 
     def close(self, origin: Vector) -> dict[str, Any]:
@@ -76,15 +104,52 @@ class GroupWriter:
         start = time.perf_counter() - begun
         for header in headers:
             stream = self.streams[Kind(header["kind"])]
-            levels = stream.make_levels(self._hierarchy, surface, origin)
-            header["levels"] = [level.count for level in levels]
-            for level in levels:
-                header["files"].update((name, facts_of(f)) for name, f in level.files.items())
-            header["quantised"] = "quantised" in header["files"]
+            if self._is_ordered(stream):
+                own = [id for id in outliers if stream_of(id) == stream.number]
+                given = stream.given(origin)
+                places = self._order(given, grid_bounds, surface, header, own)
+                others = [id for id in outliers if stream_of(id) != stream.number]
+                outliers = sorted([*others, *places])
+                continue
+            levels = stream.make_levels(self._making.hierarchy, surface, origin)
+            _add_levels(header, levels)
         self.hierarchy_seconds = time.perf_counter() - start
         return {"streams": headers, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
+
+    def _is_ordered(self, stream: StreamWriter) -> bool:
+        return stream.count > 0 and self._making.order != "given"
+
+    def _order(
+        self, given: GivenFiles, around: Bounds, surface: float, header: dict[str, Any],
+        outliers: list[int],
+    ) -> list[int]:  # fmt: skip
+        """Bring a stream into spatial order; return the outliers' new ids."""
+        stream = self.streams[given.layout.kind]
+        asked = np.array([index_of(id) for id in outliers], np.int64)
+        ordering = Ordering(
+            given, around, asked, local=stream.locality.local, durable=self._making.durable
+        )
+        hierarchy = HierarchyWriter(
+            ordering.folder, self._making.hierarchy, surface, durable=self._making.durable
+        )
+        try:
+            hierarchy.complete(ordering.boxes(), stream.count)
+            header.update(ordering.close())
+        except BaseException:
+            hierarchy.abandon()
+            ordering.abandon()
+            raise
+        _add_levels(header, hierarchy.levels)
+        return [object_id(stream.number, int(place)) for place in ordering.places]
 
     def abandon(self) -> None:
         """Give the files up."""
         for stream in self.streams.values():
             stream.abandon()
+
+
+def _add_levels(header: dict[str, Any], levels: list[Level]) -> None:
+    header["levels"] = [level.count for level in levels]
+    for level in levels:
+        header["files"].update((name, facts_of(f)) for name, f in level.files.items())
+    header["quantised"] = "quantised" in header["files"]

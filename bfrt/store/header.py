@@ -164,6 +164,10 @@ def stream(value: Any) -> dict[str, Any]:
         raise _wrong(value["quantised"], "levels where boxes are quantised")
     if found["degenerate"] > found["count"] or found["material_bytes"] not in (0, 1, 2, 4):
         raise _wrong(value, "counts and widths that agree")
+    if found["id_bytes"] not in (0, 4, 8):
+        raise _wrong(value["id_bytes"], "0, 4 or 8")
+    if found["treelets"] > found["nodes"] or (found["nodes"] and not found["id_bytes"]):
+        raise _wrong(value["nodes"], "a node or more for each treelet, where there are ids")
     return found
 
 
@@ -192,6 +196,9 @@ STREAM = fields(
     largest=whole(1 << 32),
     levels=listed(whole(1 << INDEX_BITS)),
     quantised=truth,
+    id_bytes=whole(9),
+    treelets=whole(1 << INDEX_BITS),
+    nodes=whole(1 << INDEX_BITS),
     files=named(FACTS),
 )
 GROUP = fields(

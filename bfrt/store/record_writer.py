@@ -23,7 +23,7 @@ from bfrt.store.columns import Prepared, prepare
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.extent import Bounds, check_extent
 from bfrt.store.given import records_of, vertices_of
-from bfrt.store.group import GroupWriter
+from bfrt.store.group import GroupWriter, Making, Order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Material
 from bfrt.store.palette import PaletteWriter, record_of
@@ -47,14 +47,20 @@ class RecordWriter:
         How coordinates are stored.
     hierarchy : Hierarchy
         Settings of the box hierarchy.
+    order : {"given", "spatial", "auto"}
+        The order in which objects are stored.
     """
 
     def __init__(
-        self, folder: AtomicFolder, coordinates: Coordinates, hierarchy: Hierarchy
+        self,
+        folder: AtomicFolder,
+        coordinates: Coordinates,
+        hierarchy: Hierarchy,
+        order: Order = "given",
     ) -> None:
         self._folder = folder
         self._coordinates = coordinates
-        self._hierarchy = hierarchy
+        self._making = Making(hierarchy, order, folder.durable)
         self._groups: list[GroupWriter] = []
         self._open = True
         try:
@@ -260,7 +266,7 @@ class RecordWriter:
         """Return a group's writer, made if the group is new."""
         if number == len(self._groups):
             path = self._folder.aside / str(number)
-            made = GroupWriter(path, number, self._hierarchy, self._folder.durable)
+            made = GroupWriter(path, number, self._making)
             self._groups.append(made)
         return self._groups[number]
 
@@ -282,7 +288,7 @@ class RecordWriter:
             "bounds": bounds_to(bounds),
             "groups": groups,
             "palette": palette,
-            "hierarchy": asdict(self._hierarchy),
+            "hierarchy": asdict(self._making.hierarchy),
         }
 
     def _check_open(self) -> None:

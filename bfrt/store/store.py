@@ -12,6 +12,9 @@
       GROUP/KIND/materials       one integer an object, 1, 2 or 4 bytes (absent: all are the first)
       GROUP/KIND/level1 ...      the hierarchy: boxes around runs of boxes of the level below
       GROUP/KIND/quantised       the objects' boxes again, in 6 bytes each (spheres go without)
+      GROUP/KIND/treelets        runs of objects that lie together (in spatial order only)
+      GROUP/KIND/nodes           the treelets' trees, 80 bytes a node
+      GROUP/KIND/ids             the place that each object had as it was given, uint32 or uint64
       GROUP/marks                voxel marks, made by the first render
 
 ``open`` reads the header and asks for the sizes of the files; `Store.verify` reads everything.
@@ -35,9 +38,11 @@ from bfrt.records import (
     BOX_BYTES,
     CODE_BYTES,
     MATERIAL,
+    NODE_BYTES,
     OFFSET_BYTES,
     PARENT_BYTES,
     SCALARS,
+    TREELET_BYTES,
     Kind,
 )
 from bfrt.store.extent import NOTHING, Bounds
@@ -47,7 +52,7 @@ from bfrt.store.model import Camera, Light, Vector
 from bfrt.streams.atomic_write import refused
 
 MAGIC = "bfrt scene store"
-VERSION = 4
+VERSION = 5
 HEADER = "scene.json"
 MADE = "made.json"
 PALETTE = "palette"
@@ -77,6 +82,9 @@ class Stream:
     largest: int
     levels: tuple[int, ...]
     quantised: bool
+    id_bytes: int
+    treelets: int
+    nodes: int
     files: dict[str, FileFacts]
 
     @property
@@ -89,6 +97,16 @@ class Stream:
         """Return the bytes of a record; for polygons, of a vertex."""
         return SCALARS[self.kind] * (8 if self.wide else 4)
 
+    @property
+    def ordered(self) -> bool:
+        """Tell whether objects are in spatial order, in treelets."""
+        return self.id_bytes > 0
+
+    @property
+    def boxed(self) -> bool:
+        """Tell whether boxes are stored: those of spheres, and in treelets, are worked out."""
+        return self.kind != Kind.SPHERE and not self.ordered
+
     def path(self, name: str) -> Path:
         return self.folder / name
 
@@ -96,7 +114,7 @@ class Stream:
         """Return the size of each file, bytes, that the counts imply."""
         records = self.vertices if self.kind == Kind.POLYGON else self.count
         sizes = {"geometry": records * self.stride}
-        if self.kind != Kind.SPHERE:
+        if self.boxed:
             sizes["boxes"] = self.count * BOX_BYTES
         if self.kind == Kind.POLYGON:
             sizes["offsets"] = self.count * OFFSET_BYTES
@@ -106,6 +124,10 @@ class Stream:
             sizes[f"level{number}"] = count * PARENT_BYTES
         if self.quantised:
             sizes["quantised"] = self.count * CODE_BYTES
+        if self.ordered:
+            sizes["ids"] = self.count * self.id_bytes
+            sizes["nodes"] = self.nodes * NODE_BYTES
+            sizes["treelets"] = self.treelets * TREELET_BYTES
         return sizes
 
 

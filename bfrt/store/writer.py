@@ -21,6 +21,7 @@ from bfrt.records import Kind
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of, triple_of
+from bfrt.store.group import Order
 from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
@@ -50,6 +51,10 @@ class StoreWriter(RecordWriter):
     hierarchy : Hierarchy, optional
         Settings of the box hierarchy, which is made when all objects are written. By default
         `Hierarchy`'s.
+    order : {"given", "spatial", "auto"}
+        The order in which objects are stored: as they are given; spatial, in treelets, for
+        ``refine="tree"``; or one of them by a rule (docs/tree.rst). Ids count in the order given,
+        always.
     durable : bool
         Whether the store outlives a loss of power once it has its name, which takes a moment; not
         needed for a store that is removed after a render.
@@ -80,6 +85,7 @@ class StoreWriter(RecordWriter):
         dtype: Any = None,
         origin: ArrayLike | None = None,
         hierarchy: Hierarchy | None = None,
+        order: Order = "given",
         durable: bool = True,
     ) -> None:
         self.path = Path(path)
@@ -90,7 +96,7 @@ class StoreWriter(RecordWriter):
         self._camera: Camera | None = None
         self._lights: list[Light] = []
         self._background: Vector = (0.0, 0.0, 0.0)
-        super().__init__(folder, coordinates, hierarchy or Hierarchy())
+        super().__init__(folder, coordinates, hierarchy or Hierarchy(), order)
 
     def camera(self, camera: Camera) -> None:
         """Set the view that is rendered where the caller gives no other.

@@ -2,44 +2,29 @@
 
 ::
 
-    boxes ─► references ─► split to TREELET objects or fewer ─► a treelet each
+    boxes ─► references ─► split to TREELET_OBJECTS or fewer ─► a treelet each
                                                                    │ split to leaves
                                                         nodes, breadth first; objects, leaf by leaf
 """
 
 cimport cython
+from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 import numpy as np
 
 from bfrt.geometry.box cimport Box, box_empty
+from bfrt.records cimport Treelet
 from bfrt.treelets.node cimport INNER, WIDE, Node, node_boxes
 from bfrt.treelets.split cimport (
     RangeBox, Reference, half_surface, range_bounds, range_box, refer, referred, split_range,
 )
 
+from bfrt.records import NODE, TREELET
+
 #: Objects of a treelet, and of a leaf, at the most.
-TREELET = 1024
-LEAF = 4
-
-NODE = np.dtype("V80")
-#: A treelet: the box around it, its first object and its first node in the stream, and how many.
-TREELET_RECORD = np.dtype(
-    [
-        *((name, "<f4") for name in ("lox", "loy", "loz", "hix", "hiy", "hiz")),
-        ("first", "<u8"),
-        ("node", "<u8"),
-        ("count", "<u4"),
-        ("nodes", "<u4"),
-    ]
-)
-
-cdef packed struct Treelet:
-    Box box
-    uint64_t first
-    uint64_t node
-    uint32_t count
-    uint32_t nodes
+TREELET_OBJECTS = 1024
+LEAF_OBJECTS = 4
 
 cdef enum:
     DEEPEST = 32        # levels by the heuristic; what is below is halved
@@ -54,47 +39,74 @@ cdef struct Range:
 
 @cython.final
 cdef class TreeletBuilder:
-    """Builds the treelets of windows of up to `capacity` objects.
+    """Builds the treelets of windows, one after another.
 
-    Attributes
+    Parameters
     ----------
-    nodes : (n,) NODE
-    treelets : (n,) TREELET_RECORD
-    order : (n,) uint32
-        The window's objects in the order of the treelets.
+    most, leaf : int
+        Objects of a treelet, and of a leaf, at the most; up to 254 in a leaf.
     """
 
-    cdef object node_array, treelet_array, order_array, reference_array, range_array
+    cdef object node_records, treelet_records, order_records
     cdef Node* node
     cdef Treelet* treelet
     cdef uint32_t* placed
     cdef Reference* refs
-    cdef Range* ranges
-    cdef int64_t node_count, treelet_count, place, leaf, most, capacity
+    cdef Range* ranges      # those that wait to become treelets, then a treelet's that become nodes
+    cdef int64_t node_count, treelet_count, place
+    cdef int64_t most, leaf, capacity
 
-    def __cinit__(self, int64_t capacity, int leaf=LEAF, int most=TREELET):
-        cdef uint8_t[::1] bytes_of
-        self.capacity = capacity
-        self.leaf, self.most = leaf, most
-        self.node_array = np.empty((capacity + 64) * 80, np.uint8)
-        self.treelet_array = np.empty((capacity + 1) * sizeof(Treelet), np.uint8)
-        self.order_array = np.empty(capacity, np.uint32)
-        self.reference_array = np.empty((capacity + 1) * 32, np.uint8)
-        self.range_array = np.empty((most + STACK + 8) * sizeof(Range) + 64, np.uint8)
-        bytes_of = self.node_array
-        self.node = <Node*>&bytes_of[0]
-        bytes_of = self.treelet_array
-        self.treelet = <Treelet*>&bytes_of[0]
-        bytes_of = self.reference_array
-        self.refs = <Reference*>((<size_t>&bytes_of[0] + 15) & ~<size_t>15)
-        bytes_of = self.range_array
-        self.ranges = <Range*>((<size_t>&bytes_of[0] + 15) & ~<size_t>15)
+    def __cinit__(self, int64_t most=TREELET_OBJECTS, int64_t leaf=LEAF_OBJECTS):
+        self.most, self.leaf, self.capacity = max(most, leaf), leaf, -1
+        # Aligned to 16 bytes, as memory that is asked for is, and vectors of four have to be.
+        self.ranges = <Range*>PyMem_RawMalloc((self.most + STACK) * sizeof(Range))
+        if self.ranges == NULL:
+            raise MemoryError("the ranges of a treelet")
+
+    def __dealloc__(self):
+        PyMem_RawFree(self.ranges)
+        PyMem_RawFree(self.refs)
+
+    cdef int make_room(self, int64_t n) except -1:
+        """Take memory for n objects; every node has an object of its own, or two nodes."""
+        cdef uint8_t[::1] nodes, treelets
+        cdef uint32_t[::1] order
+        if n <= self.capacity:
+            return 0
+        self.node_records = np.empty(n + 1, NODE)
+        self.treelet_records = np.empty(n + 1, TREELET)
+        self.order_records = np.empty(n + 1, np.uint32)
+        nodes, treelets = self.node_records.view(np.uint8), self.treelet_records.view(np.uint8)
+        order = self.order_records
+        self.node, self.treelet = <Node*>&nodes[0], <Treelet*>&treelets[0]
+        self.placed = &order[0]
+        PyMem_RawFree(self.refs)
+        self.refs = <Reference*>PyMem_RawMalloc((n + 1) * sizeof(Reference))
+        if self.refs == NULL:
+            self.capacity = -1
+            raise MemoryError(f"the boxes of {n} objects")
+        self.capacity = n
+        return 0
 
     def build(self, const float[:, ::1] boxes):
-        """Build the treelets of a window, (n, 6) boxes; those of no extent come last."""
-        cdef uint32_t[::1] order = self.order_array
+        """Build the treelets of a window.
+
+        Parameters
+        ----------
+        boxes : (n, 6) float32
+            Empty ones are below no node: they come last, in the last treelet.
+
+        Returns
+        -------
+        nodes : (nodes,) records.NODE
+        treelets : (treelets,) records.TREELET
+            None where all boxes are empty.
+        order : (n,) uint32
+            The window's objects, in the order of the treelets. All three are memory that the next
+            build changes.
+        """
         cdef int64_t i, n = 0, count = boxes.shape[0]
-        self.placed = &order[0]
+        self.make_room(count)
         self.node_count = self.treelet_count = self.place = 0
         with nogil:
             for i in range(count):
@@ -110,9 +122,9 @@ cdef class TreeletBuilder:
                     if self.treelet_count:
                         self.treelet[self.treelet_count - 1].count += 1
         return (
-            self.node_array[: self.node_count * 80].view(NODE),
-            self.treelet_array[: self.treelet_count * sizeof(Treelet)].view(TREELET_RECORD),
-            self.order_array[:count],
+            self.node_records[: self.node_count],
+            self.treelet_records[: self.treelet_count],
+            self.order_records[:count],
         )
 
     cdef void part(self, int64_t n) noexcept nogil:
@@ -145,7 +157,7 @@ cdef class TreeletBuilder:
         cdef Node* nodes = self.node + self.node_count
         cdef Range* queue = self.ranges + STACK
         cdef int64_t k = 0, count = 1
-        t.box = range_box(&whole.around)
+        (<Box*>t)[0] = range_box(&whole.around)
         t.first, t.node = <uint64_t>self.place, <uint64_t>self.node_count
         queue[0] = whole[0]
         queue[0].depth = 0

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from bfrt.reference._tree import node_sides, treelets_met
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bfrt.reference._tree import node_sides, treelets_met
 from bfrt.treelets.build import NODE, TreeletBuilder
 
 NODE_FIELDS = np.dtype(

@@ -1,0 +1,69 @@
+"""The materials of a stream as they are written, one small integer an object."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.streams.atomic_write import refused
+from bfrt.streams.writer import FileWriter
+
+#: Materials that are read back at once, to be written in wider integers.
+BLOCK = 65536
+
+
+class MaterialColumn:
+    """Writes a stream's materials in the smallest integers that fit; nothing for a single one."""
+
+    def __init__(self, folder: Path, durable: bool) -> None:
+        self._path = folder / "materials"
+        self._durable = durable
+        self._file: FileWriter | None = None
+        self._count = 0
+        self.first = 0
+        self.bytes = 0
+
+    def append(self, materials: NDArray[np.uint32]) -> None:
+        if self._count == 0 and len(materials):
+            self.first = int(materials[0])
+        top = max(self.first, int(materials.max(initial=0)))
+        width = 1 if top < 1 << 8 else 2 if top < 1 << 16 else 4
+        if width > self.bytes and (self.bytes or not (materials == self.first).all()):
+            self._widen(width)
+        if self._file is not None:
+            self._file.write(materials.astype(f"<u{self.bytes}"), kept=True)
+        self._count += len(materials)
+
+    def _widen(self, width: int) -> None:
+        """Write the indices so far again, in wider integers."""
+        old, old_bytes = self._file, self.bytes
+        wider = FileWriter(self._path.with_suffix(f".{width}"), self._durable)
+        self._file, self.bytes = wider, width
+        if old is None:
+            for done in range(0, self._count, BLOCK):
+                n = min(BLOCK, self._count - done)
+                wider.write(np.full(n, self.first, f"<u{width}"))
+            return
+        old.close()
+        try:
+            with old.path.open("rb") as file:
+                while block := file.read(BLOCK):
+                    wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
+            old.path.unlink()
+        except OSError as error:
+            raise refused(old.path, 0, error, "reading") from error
+
+    def close(self) -> FileWriter | None:
+        if self._file is not None:
+            self._file.close()
+            try:
+                self._file.path.rename(self._path)
+            except OSError as error:
+                raise refused(self._path, 0, error, "renaming to it") from error
+        return self._file
+
+    def abandon(self) -> None:
+        if self._file is not None:
+            self._file.abandon()

@@ -1,0 +1,111 @@
+"""A stream's files in spatial order, as they are written."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bfrt.records import Kind
+from bfrt.store.header import facts_of
+from bfrt.store.material_column import MaterialColumn
+from bfrt.store.ordering.objects import Layout
+from bfrt.store.ordering.windows import OrderedWindow
+from bfrt.streams.atomic_write import refused
+from bfrt.streams.writer import FileWriter
+
+#: Ids below this take four bytes each, others eight.
+SHORT_IDS = 1 << 32
+
+
+class OrderedFiles:
+    """Writes the files of one stream, window by window.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder, which is created.
+    layout : Layout
+    count : int
+        Objects that will come.
+    durable : bool
+
+    Attributes
+    ----------
+    treelets, nodes : int
+        Numbers of them.
+    """
+
+    def __init__(self, folder: Path, layout: Layout, count: int, durable: bool) -> None:
+        try:
+            folder.mkdir()
+        except OSError as error:
+            raise refused(folder, 0, error, "creating") from error
+        self.treelets = self.nodes = 0
+        self.folder = folder
+        self.id_bytes = 4 if count <= SHORT_IDS else 8
+        self._done = self._vertices = 0
+        self._materials = MaterialColumn(folder, durable)
+        self._files: dict[str, FileWriter] = {}
+        names = ["geometry", "ids", "nodes", "treelets"]
+        if layout.kind == Kind.POLYGON:
+            names.append("offsets")
+        try:
+            for name in names:
+                self._files[name] = FileWriter(folder / name, durable)
+        except BaseException:
+            self.abandon()
+            raise
+
+    def append(self, window: OrderedWindow) -> None:
+        """Write the next window."""
+        files, objects = self._files, window.objects
+        files["geometry"].write(objects.geometry, kept=True)
+        files["ids"].write(objects.ids.astype(f"<u{self.id_bytes}"), kept=True)
+        self._materials.append(objects.materials)
+        if "offsets" in files:
+            ends = self._vertices + np.cumsum(objects.counts, dtype=np.uint64)
+            files["offsets"].write(ends.astype("<u4"))
+            self._vertices = int(ends[-1])
+        treelets = window.treelets
+        treelets["first"] += self._done
+        treelets["node"] += self.nodes
+        files["treelets"].write(treelets)
+        files["nodes"].write(window.nodes, kept=True)
+        self._done += objects.number
+        self.nodes += len(window.nodes)
+        self.treelets += len(treelets)
+
+    def close(self) -> dict[str, Any]:
+        """Make the files durable; return what the header says of them."""
+        facts = {}
+        for name, file in self._files.items():
+            file.close()
+            facts[name] = facts_of(file)
+        if column := self._materials.close():
+            facts["materials"] = facts_of(column)
+        return {
+            "material": self._materials.first,
+            "material_bytes": self._materials.bytes,
+            "id_bytes": self.id_bytes,
+            "treelets": self.treelets,
+            "nodes": self.nodes,
+            "files": facts,
+        }
+
+    def abandon(self) -> None:
+        """Give the files up."""
+        for file in self._files.values():
+            file.abandon()
+        self._materials.abandon()
+
+
+def replace_folder(folder: Path, other: Path) -> None:
+    """Put another folder in the place of one."""
+    try:
+        shutil.rmtree(folder)
+        other.rename(folder)
+    except OSError as error:
+        raise refused(folder, 0, error, "replacing") from error

@@ -1,0 +1,92 @@
+"""A stream's files as they were given, read in blocks of objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.errors import ShortReadError
+from bfrt.records import OFFSET_BYTES, Kind
+from bfrt.store.ordering.objects import Layout, Objects
+from bfrt.streams.atomic_write import refused
+
+#: Objects that are read at once, and bytes of their records, about.
+BLOCK = 1 << 16
+BLOCK_BYTES = 1 << 22
+
+
+class GivenFiles(NamedTuple):
+    """Describes the files of a stream that is written.
+
+    Attributes
+    ----------
+    folder : Path
+    layout : Layout
+    objects : int
+        Number of them.
+    material, material_bytes : int
+        The material of all, where no file of materials is there; bytes of one in that file.
+    """
+
+    folder: Path
+    layout: Layout
+    objects: int
+    material: int
+    material_bytes: int
+
+    def blocks(self) -> Iterator[Objects]:
+        """Yield all objects, in the order given."""
+        with ExitStack() as stack:
+            geometry = _Column(stack, self.folder / "geometry")
+            offsets = materials = None
+            if self.layout.kind == Kind.POLYGON:
+                offsets = _Column(stack, self.folder / "offsets")
+            if self.material_bytes:
+                materials = _Column(stack, self.folder / "materials")
+            done = vertices = 0
+            while done < self.objects:
+                n = min(BLOCK, self.objects - done)
+                counts = np.empty(0, np.uint32)
+                records = n
+                if offsets is not None:
+                    ends = offsets.read(n, OFFSET_BYTES).view("<u4").astype(np.int64)
+                    counts = np.diff(ends, prepend=vertices).astype(np.uint32)
+                    records, vertices = int(ends[-1]) - vertices, int(ends[-1])
+                if materials is None:
+                    indices = np.full(n, self.material, np.uint32)
+                else:
+                    raw = materials.read(n, self.material_bytes)
+                    indices = raw.view(f"<u{self.material_bytes}").astype(np.uint32)
+                ids = np.arange(done, done + n, dtype=np.uint64)
+                yield Objects(geometry.read(records, self.layout.stride), counts, indices, ids)
+                done += n
+
+
+class _Column:
+    """Reads a file of records forwards."""
+
+    def __init__(self, stack: ExitStack, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = stack.enter_context(path.open("rb", buffering=0))
+        except OSError as error:
+            raise refused(path, 0, error, "opening") from error
+
+    def read(self, records: int, size: int) -> NDArray[np.uint8]:
+        """Return the next records of `size` bytes."""
+        made = np.empty(records * size, np.uint8)
+        done = 0
+        while done < len(made):
+            try:
+                got = self._file.readinto(made[done:].data)
+            except OSError as error:
+                raise refused(self._path, done, error, "reading") from error
+            if not got:
+                raise ShortReadError(self._path, done, len(made) - done, 0)
+            done += got
+        return made

@@ -1,0 +1,104 @@
+"""Objects of one kind on their way into order: records, materials and ids, in arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.records import SCALARS, Kind
+from bfrt.store._bounds import bound
+from bfrt.store.model import Vector
+from bfrt.store.ordering._loops import gather, gather_runs
+
+Bytes = NDArray[np.uint8]
+
+
+class Layout(NamedTuple):
+    """Says what a stream's records are.
+
+    Attributes
+    ----------
+    kind : Kind
+    wide : bool
+        Whether coordinates are float64.
+    origin : tuple of 3 float
+        The store's.
+    """
+
+    kind: Kind
+    wide: bool
+    origin: Vector
+
+    @property
+    def stride(self) -> int:
+        """Return the bytes of a record; for polygons, of a vertex."""
+        return SCALARS[self.kind] * (8 if self.wide else 4)
+
+
+class Objects(NamedTuple):
+    """Holds some objects.
+
+    Attributes
+    ----------
+    geometry : ndarray of uint8
+        Their records; of polygons their vertices.
+    counts : (n,) uint32
+        Vertices of each polygon; of other kinds empty.
+    materials : (n,) uint32
+    ids : (n,) uint64
+        Their places in the order given.
+    """
+
+    geometry: Bytes
+    counts: NDArray[np.uint32]
+    materials: NDArray[np.uint32]
+    ids: NDArray[np.uint64]
+
+    @property
+    def number(self) -> int:
+        """Return the number of objects."""
+        return len(self.materials)
+
+    def boxes(self, layout: Layout) -> NDArray[np.float32]:
+        """Compute their boxes, (n, 6), as the writer does."""
+        scalar = np.float64 if layout.wide else np.float32
+        records = self.geometry.view(scalar).reshape(-1, SCALARS[layout.kind])
+        boxes = np.empty((self.number, 6), np.float32)
+        counts = self.counts if layout.kind == Kind.POLYGON else self.materials
+        bound(layout.kind, records, counts, layout.origin, boxes)
+        return boxes
+
+    def taken(self, order: NDArray[np.uint32], layout: Layout) -> Objects:
+        """Return some of them, in an order."""
+        materials, ids = self.materials[order], self.ids[order]
+        if layout.kind == Kind.POLYGON:
+            counts = self.counts[order]
+            geometry = np.empty(int(counts.sum(dtype=np.int64)) * layout.stride, np.uint8)
+            ends = np.cumsum(self.counts, dtype=np.int64)
+            gather_runs(self.geometry, layout.stride, ends, order, geometry)
+            return Objects(geometry, counts, materials, ids)
+        geometry = np.empty(len(order) * layout.stride, np.uint8)
+        gather(self.geometry, layout.stride, order, geometry)
+        return Objects(geometry, self.counts, materials, ids)
+
+    def between(self, first: int, last: int, layout: Layout) -> Objects:
+        """Return the objects [first, last): views."""
+        if layout.kind == Kind.POLYGON:
+            begin = int(self.counts[:first].sum(dtype=np.int64))
+            end = begin + int(self.counts[first:last].sum(dtype=np.int64))
+            counts = self.counts[first:last]
+        else:
+            begin, end, counts = first, last, self.counts
+        geometry = self.geometry[begin * layout.stride : end * layout.stride]
+        return Objects(geometry, counts, self.materials[first:last], self.ids[first:last])
+
+
+def joined(some: Sequence[Objects]) -> Objects:
+    """Return objects one after another."""
+    if len(some) == 1:
+        return some[0]
+    columns: list[NDArray[Any]] = [np.concatenate(column) for column in zip(*some, strict=True)]
+    return Objects(*columns)
