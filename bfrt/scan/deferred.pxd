@@ -10,7 +10,7 @@ between, so that many requests are under way while boxes go on being tested.
     half    |DELAYED DELAYED ...    |    its geometry is on its way: settled when the other is full
 """
 
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint64_t
 
 from bfrt.geometry.box cimport Grown
 from bfrt.geometry.shape cimport Shape
@@ -33,6 +33,7 @@ cdef class DeferredTests:
     cdef uint64_t loaded  # the object whose geometry is at hand, or NO_HIT
     cdef bint degenerate
     cdef Shape shape
+    cdef double grow      # by which boxes grow when rays meet them
     cdef Grown own        # its box
     cdef int64_t known    # the end of the records that are being read
 
@@ -41,13 +42,12 @@ cdef inline bint full(DeferredTests d) noexcept nogil:
     return d.count[d.half] == HALF or d.asked >= UNDER_WAY
 
 
-cdef inline void delay(DeferredTests d, Reader geometry, int64_t size, uint64_t id, int64_t first,
-                       uint32_t count, uint32_t ray) noexcept nogil:
-    """Have a ray wait for an object: `count` records of `size` bytes, behind all before."""
-    cdef Delayed* wait = &d.halves[d.half, d.count[d.half]]
-    wait.id, wait.first, wait.count, wait.ray = id, first, count, ray
+cdef inline void delay(DeferredTests d, Reader geometry, int64_t size,
+                       const Delayed* wait) noexcept nogil:
+    """Have a ray wait for an object, whose records of `size` bytes are behind all before."""
+    d.halves[d.half, d.count[d.half]] = wait[0]
     d.count[d.half] += 1
-    grow_piece(d, geometry, first * size, (first + count) * size)
+    grow_piece(d, geometry, wait.first * size, (wait.first + wait.count) * size)
 
 
 cdef inline void grow_piece(DeferredTests d, Reader geometry, int64_t begin,
