@@ -10,15 +10,15 @@ cimport cython
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.bits cimport lowest_bit, ones
-from bfrt.geometry.box cimport Box, Grown, box_empty
-from bfrt.geometry.lanes cimport LANES, Lanes, grown_lanes
-from bfrt.geometry.packet cimport BOXES, PaddedPacket, eight_empty, eight_grow, eight_span, grown_at
+from bfrt.geometry.box cimport Box, PaddedBox, box_empty
+from bfrt.geometry.lanes cimport LANES, Lanes, padded_lanes
+from bfrt.geometry.packet cimport BOXES, PaddedPacket, eight_empty, eight_pad, eight_span, padded_at
 from bfrt.geometry.shape cimport BoxHit, Shape, shape_load
 from bfrt.geometry.vector cimport Vec, vec
 from bfrt.grid.grid cimport Grid
 from bfrt.grid.nearby cimport Near, entries_within
 from bfrt.grid.planes cimport Planes, Range, entered_by, rough_range
-from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, entered, range_at, sides_of
+from bfrt.grid.regions cimport PacketPlanes, Voxels, eight_voxels, entered, packet_planes, range_at
 from bfrt.grid.voxel_rays cimport VoxelRays
 from bfrt.phases.crossings cimport CrossingBuffer, hand_over
 from bfrt.phases.pending cimport Pending, prefetch_ray, test_pending
@@ -43,15 +43,15 @@ cdef struct Few:
 # One object's search for rays. It is set up for a sweep, and turned to object after object.
 cdef struct Search:
     const Planes* planes
-    Sides sides
+    PacketPlanes packet_planes
     void* scan             # a StreamScan
     void* deferred         # DeferredTests, or NULL where geometry is at hand
-    PaddedPacket grown     # the boxes of the scan's block
+    PaddedPacket padded     # the boxes of the scan's block
     Voxels voxels          # theirs
     Near near
     uint64_t id
     int place              # of the object in the block
-    Grown box
+    PaddedBox box
     Range region           # the object's voxels
     Shape shape
     bint loaded
@@ -115,7 +115,7 @@ cdef int meet_box(Search* s, StreamScan w) except -1 nogil:
         n += 1
     s.gathered = 0
     s.box_tests += n
-    grown_lanes(l, n, &s.box)
+    padded_lanes(l, n, &s.box)
     for i in range(n):
         # What is nearer is culled by >, never by >=: a tie goes to the smaller id.
         if not l.near[i] <= l.far[i] or l.near[i] > s.reach[i]:
@@ -155,7 +155,7 @@ cdef int meet_many(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil:
     for i in range(n):
         if not eight_empty(&w.boxes.eight, i):
             turn_to(s, w, i)
-            grown_at(&s.grown, i, &s.box)
+            padded_at(&s.padded, i, &s.box)
             s.region = range_at(&s.voxels, i)
             entries_within(v, &s.region, &s.near)
             keep_entering(s)
@@ -191,7 +191,7 @@ cdef void test_boxes(Search* s, int n, int rays, Few* f) noexcept nogil:
             continue
         s.box_tests += ones(f.which[j])
         met = f.which[j] & eight_span(
-            &s.grown, &r.ox, &r.dx, t, &f.inv[j][0], &f.near[j][0], &f.far[j][0]
+            &s.padded, &r.ox, &r.dx, t, &f.inv[j][0], &f.near[j][0], &f.far[j][0]
         )
         while met:
             i = lowest_bit(met)
@@ -236,8 +236,8 @@ cdef int meet_block(Search* s, StreamScan w, VoxelRays v, int n) except -1 nogil
     if s.near.n == 0:
         return 0
     decode(w.boxes, n)
-    eight_grow(&w.boxes.eight, s.planes.grow, &s.grown)
-    eight_voxels(s.planes, &s.sides, &w.boxes.eight, &s.voxels)
+    eight_pad(&w.boxes.eight, s.planes.padding, &s.padded)
+    eight_voxels(s.planes, &s.packet_planes, &w.boxes.eight, &s.voxels)
     if s.near.more:
         return meet_many(s, w, v, n)
     return meet_few(s, w, n)
@@ -264,9 +264,9 @@ cdef class Intersector:
     def __cinit__(self, Grid grid, VoxelRays voxel_rays):
         self.grid = grid
         self.voxel_rays = voxel_rays
-        self.deferred = DeferredTests(grid.grow)
+        self.deferred = DeferredTests(grid.padding)
         self.search.planes = &grid.planes
-        sides_of(self.search.planes, &self.search.sides)
+        packet_planes(self.search.planes, &self.search.packet_planes)
 
     def begin(self, Ray[::1] rays, CrossingBuffer crossings=None):
         """Begin a pass.

@@ -58,7 +58,7 @@ cdef inline void come_in(Ray* r, Grid grid, Outliers outliers, int64_t* box_test
     cdef Line line = ray_line(r)
     cdef Walk w
     if outliers is not None:
-        meet_outliers(outliers, r, &line, grid.grow, box_tests, object_tests)
+        meet_outliers(outliers, r, &line, grid.padding, box_tests, object_tests)
     if walk_start(&w, &grid.planes, &line) and w.enter <= r.t:
         r.voxel = w.voxel
         r.face = <uint8_t>w.face

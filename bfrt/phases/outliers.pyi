@@ -13,6 +13,6 @@ class Outliers:
         rays: NDArray[Any],
         first: int,
         last: int,
-        grow: float,
+        padding: float,
         crossings: CrossingBuffer,
     ) -> tuple[int, int]: ...

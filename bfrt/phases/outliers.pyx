@@ -63,7 +63,7 @@ cdef class Outliers:
     def __dealloc__(self):
         PyMem_RawFree(self.outliers)
 
-    def cross(self, const Ray[::1] rays, int64_t first, int64_t last, double grow,
+    def cross(self, const Ray[::1] rays, int64_t first, int64_t last, double padding,
               CrossingBuffer crossings not None):
         """Find where rays cross outliers: all hits, not only the nearest.
 
@@ -71,8 +71,8 @@ cdef class Outliers:
         ----------
         rays : (n,) records.RAY
             IN. Rays [first, last) are tested.
-        grow : float
-            d, by which boxes grow (docs/algorithm.rst, Exactness).
+        padding : float
+            d, by which boxes are padded (docs/algorithm.rst, Exactness).
         crossings : CrossingBuffer
             OUT. Handed over at the end.
 
@@ -93,7 +93,7 @@ cdef class Outliers:
                 for k in range(self.count):
                     out = &self.outliers[k]
                     box_tests += 1
-                    if box_span(&out.box, grow, &m.line, &m.span):
+                    if box_span(&out.box, padding, &m.line, &m.span):
                         object_tests += 1
                         cross(crossings, &out.shape, &m, rays[i].t, out.id)
             hand_over(crossings)

@@ -6,13 +6,15 @@ What waits, and how its geometry is prefetched, is scan/deferred.pxd's.
 
 from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.box cimport Box, box_grow, grown_span
+from bfrt.geometry.box cimport Box, box_pad, padded_span
 from bfrt.geometry.lanes cimport LANES
 from bfrt.geometry.shape cimport BoxHit, shape_bounds, shape_load
 from bfrt.phases.nearest cimport ray_line
 from bfrt.phases.pending cimport Pending, prefetch_ray, test_pending
 from bfrt.records cimport POLYGON, Delayed, Ray
-from bfrt.scan.deferred cimport DeferredTests, ask_piece, delay, end_delays, full, piece_end, turn
+from bfrt.scan.deferred cimport (
+    DeferredTests, delay, end_delays, full, piece_end, prefetch_piece, turn,
+)
 from bfrt.scan.geometry cimport GeometryCursor, records_of, seek_records
 from bfrt.scan.scan cimport StreamScan, object_id
 from bfrt.streams.atomic cimport atomic_load
@@ -37,7 +39,7 @@ cdef inline int load_object(GeometryCursor g, DeferredTests d, const Delayed* wa
     )
     if not d.degenerate:
         shape_bounds(&d.shape, &box)
-        box_grow(&box, d.grow, &d.own)
+        box_pad(&box, d.padding, &d.own)
     return 0
 
 
@@ -47,7 +49,7 @@ cdef inline void meet_own_box(Pending* p, DeferredTests d, uint32_t ray) noexcep
     cdef BoxHit* m = &p.meetings[p.n]
     m.line = ray_line(r)
     m.mark = ray
-    if not d.degenerate and grown_span(&d.own, &m.line, &m.span):
+    if not d.degenerate and padded_span(&d.own, &m.line, &m.span):
         p.n += m.span.near <= atomic_load(&r.t)
 
 
@@ -71,7 +73,7 @@ cdef inline int settle_half(Pending* p, GeometryCursor g, DeferredTests d,
 
 cdef inline int settle_all(Pending* p, GeometryCursor g, DeferredTests d) except -1 nogil:
     """Find the hits of all rays that still wait, at the end of a stream."""
-    ask_piece(d, g.reader)
+    prefetch_piece(d, g.reader)
     settle_half(p, g, d, 1 - d.half)
     settle_half(p, g, d, d.half)
     end_delays(d)
@@ -83,7 +85,7 @@ cdef inline int defer_test(Pending* p, StreamScan w, DeferredTests d, int place,
     """Have a ray that met the box of an object of the scan's block wait for the geometry."""
     cdef Delayed wait
     if full(d):
-        ask_piece(d, w.geometry.reader)
+        prefetch_piece(d, w.geometry.reader)
         settle_half(p, w.geometry, d, 1 - d.half)
         turn(d)
     wait.id, wait.ray = object_id(w, place), ray

@@ -211,7 +211,7 @@ class Traversal:
                     pool.all[0],
                     pool.active + first,
                     pool.active + last,
-                    self.grid.grow,
+                    self.grid.padding,
                     self.crossings.buffer(),
                 )
                 tallies.append((*tests, 0))

@@ -16,11 +16,11 @@ cdef class DeferredTests:
 
     Parameters
     ----------
-    grow : float
-        d, by which boxes grow (docs/algorithm.rst, Exactness).
+    padding : float
+        d, by which boxes are padded (docs/algorithm.rst, Exactness).
     """
 
-    def __cinit__(self, double grow):
-        self.grow = grow
+    def __cinit__(self, double padding):
+        self.padding = padding
         self.halves = np.empty((2, HALF), DELAYED)
         end_delays(self)
