@@ -47,7 +47,7 @@ LAYOUTS = {"ascii": "text", "binary_little_endian": "little", "binary_big_endian
 NARROW = (0, 1, 2, 3, 6)
 
 #: What full color is.
-FULL = {1: 255.0, 3: 65535.0}
+FULL_COLOR = {1: 255.0, 3: 65535.0}
 
 CORNERS = ("vertex_indices", "vertex_index")
 POSITION = ("x", "y", "z")
@@ -59,7 +59,7 @@ COLOR_NAMES = (COLORS, ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "
 HEADER_BYTES = 1 << 20
 
 #: Rows of one size that are read at once, and their bytes unless one row has more.
-BLOCK = 1 << 16
+ROWS_AT_ONCE = 1 << 16
 BLOCK_BYTES = 32 << 20
 
 
@@ -165,7 +165,7 @@ class Ply:
         start = self._place(number).offset
         self._place(number + 1)  # all of it is there
         rows = self._row_dtype(element, names)
-        most = max(1, min(BLOCK, BLOCK_BYTES // rows.itemsize))
+        most = max(1, min(ROWS_AT_ONCE, BLOCK_BYTES // rows.itemsize))
         self.source.seek(start)
         for block in self.source.blocks(rows, element.rows, most):
             out = np.empty((len(block), len(names)), dtype)
@@ -457,7 +457,7 @@ def dtype_of(element: Element, names: Sequence[str]) -> np.dtype[Any]:
 def scale_of(element: Element, names: Sequence[str]) -> float:
     """Return the divisor that scales colors to 0 to 1; 1 for a plain number."""
     found = element.find(names[0]) if len(names) == len(COLORS) else None
-    return 1.0 if found is None else FULL.get(found.kind, 1.0)
+    return 1.0 if found is None else FULL_COLOR.get(found.kind, 1.0)
 
 
 def own(values: NDArray[Any]) -> NDArray[Any]:

@@ -95,7 +95,7 @@ def tiny(monkeypatch):
 def chunk_bytes(patch, size):
     patch.setattr(source_module, "CHUNK_BYTES", size)
     patch.setattr(ply_module, "CHUNK_BYTES", size)
-    patch.setattr(ply_module, "BLOCK", max(size // 16, 1))
+    patch.setattr(ply_module, "ROWS_AT_ONCE", max(size // 16, 1))
 
 
 # --- what is read --------------------------------------------------------------------------------
