@@ -1,7 +1,7 @@
 """Deferred tests: a ray that meets a box waits for the object's geometry, and is settled when that
 has come.
 
-What waits, and how its geometry is prefetched, is scan/deferred.pxd's.
+What waits, and how its geometry is prefetched, is deferred.pxd's.
 """
 
 from libc.stdint cimport int64_t, uint32_t
