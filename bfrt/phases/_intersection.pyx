@@ -46,7 +46,7 @@ cdef struct Search:
     PacketPlanes packet_planes
     void* scan             # a StreamScan
     void* deferred         # DeferredTests, or NULL where geometry is at hand
-    PaddedPacket padded     # the boxes of the scan's block
+    PaddedPacket padded    # the boxes of the scan's block
     Voxels voxels          # theirs
     Near near
     uint64_t id

@@ -29,7 +29,7 @@ cdef class DeferredTests:
     cdef int half         # that is filled
     cdef int64_t begin    # bytes of the piece that grows: it is prefetched when it ends
     cdef int64_t end
-    cdef int64_t prefetched     # bytes, by the half that is filled
+    cdef int64_t prefetched   # bytes, by the half that is filled
     cdef uint64_t loaded  # the object whose geometry is at hand, or NO_HIT
     cdef bint degenerate
     cdef Shape shape
