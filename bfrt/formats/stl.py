@@ -31,7 +31,7 @@ LOOK = 512
 SECOND = (b"facet", b"endsolid", b"end ", b"color", b"solid")
 
 #: Facets that are read at once.
-BLOCK = 1 << 16
+FACETS_AT_ONCE = 1 << 16
 
 
 def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
@@ -64,7 +64,7 @@ def facets_of(source: Source) -> Iterator[NDArray[Any]]:
         return
     check_count(source, count, behind)
     source.seek(COUNT_END)
-    for block in source.blocks(FACET, count, BLOCK):
+    for block in source.blocks(FACET, count, FACETS_AT_ONCE):
         yield np.ascontiguousarray(block["vertices"])
 
 

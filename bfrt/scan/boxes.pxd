@@ -17,7 +17,7 @@ from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decod
 from bfrt.geometry.sphere cimport sphere_boxes, sphere_union
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES
 from bfrt.scan.runs cimport run_end
-from bfrt.streams.reader cimport Reader, skip, take, want
+from bfrt.streams.reader cimport Reader, read_ahead, skip, take
 
 
 cdef class BoxCursor:
@@ -34,7 +34,7 @@ cdef class BoxCursor:
     cdef Py_ssize_t outlier
     cdef int64_t index      # the object that comes next
     cdef uint32_t vertex    # polygons: where the one before it ends
-    cdef int64_t wanted     # the end of the ranges whose boxes are being read
+    cdef int64_t ahead      # the end of the ranges whose boxes are being read
     cdef Coding coding      # how boxes are quantised in the range that `go_to` came to
     # The block that `next_boxes` came to:
     cdef int64_t first      # its first object
@@ -54,29 +54,29 @@ cdef inline int go_to(BoxCursor b, const int64_t[:, ::1] ranges, int64_t k,
     lies near the next one, and no further.
     """
     cdef int64_t n = max(<int64_t>0, ranges[k, 0] - b.index)
-    cdef bint far = ranges[k, 0] >= b.wanted
+    cdef bint far = ranges[k, 0] >= b.ahead
     if b.coded:
         coding_in(parent, &b.coding)
     if far:
-        want_boxes(b, b.index)  # what comes before is not read through
+        read_boxes_ahead(b, b.index)  # what comes before is not read through
     if n > 0:
         skip(b.reader, n * b.bytes)
         if b.offsets is not None:
             skip(b.offsets, (n - 1) * OFFSET_BYTES)
     if far:
-        want_boxes(b, run_end(ranges, &k, b.reader.gap // b.bytes))
+        read_boxes_ahead(b, run_end(ranges, &k, b.reader.gap // b.bytes))
     if b.offsets is not None and n > 0:
         b.vertex = (<const uint32_t*>take(b.offsets, OFFSET_BYTES))[0]
     b.index += n
     return 0
 
 
-cdef inline void want_boxes(BoxCursor b, int64_t end) noexcept nogil:
-    """Know that boxes up to that object's will be looked at."""
-    b.wanted = end
-    want(b.reader, end * b.bytes)
+cdef inline void read_boxes_ahead(BoxCursor b, int64_t end) noexcept nogil:
+    """Have boxes read up to that object's."""
+    b.ahead = end
+    read_ahead(b.reader, end * b.bytes)
     if b.offsets is not None:
-        want(b.offsets, end * OFFSET_BYTES)
+        read_ahead(b.offsets, end * OFFSET_BYTES)
 
 
 cdef inline int next_boxes(BoxCursor b, int64_t most) except -1 nogil:

@@ -1,7 +1,8 @@
 """One worker's cursors over one stream: over its boxes, geometry and materials."""
 
-from libc.stdint cimport int64_t
+from libc.stdint cimport int64_t, uint64_t
 
+from bfrt.records cimport INDEX_BITS
 from bfrt.scan.boxes cimport BoxCursor, next_boxes
 from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
 from bfrt.scan.materials cimport MaterialCursor
@@ -26,6 +27,11 @@ cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
     elif not s.lazy:
         s.spheres_read += min(most, 8)
     return next_boxes(s.boxes, most)
+
+
+cdef inline uint64_t object_id(StreamScan s, int i) noexcept nogil:
+    """Return the id of object i of the block."""
+    return (<uint64_t>s.number << INDEX_BITS) + <uint64_t>(s.boxes.first + i)
 
 
 cdef inline const unsigned char* record_in_block(StreamScan s, int i) noexcept nogil:

@@ -31,7 +31,7 @@ cdef class StreamScan:
     boxes, geometry, materials
         The cursors.
     lazy : bool
-        Whether only those records are read that are asked for (the paper's refinement G).
+        Whether only those records are read that are needed (the paper's refinement G).
     deferred : bool
         Whether rays that meet a box wait for the object's geometry: not of spheres, whose box it
         is.
@@ -47,12 +47,12 @@ cdef class StreamScan:
         self.geometry = GeometryCursor(stream, origin, files, capacity)
         self.materials = MaterialCursor(stream, files, capacity // 8)
 
-    def rewind(self, bint asked=False):
-        """Begin again at the first object: boxes are read in order, or where that is asked for.
+    def rewind(self, bint prefetched=False):
+        """Begin again at the first object: boxes are read in order, or are prefetched.
 
-        Where geometry is read later than boxes it is asked for in either case.
+        Where geometry is read later than boxes it is prefetched in either case.
         """
-        self.boxes.rewind(asked)
+        self.boxes.rewind(prefetched)
         self.geometry.rewind(self.lazy)
         self.materials.rewind(self.lazy)
 

@@ -25,7 +25,7 @@ from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
 
 #: Objects that are read back at once, for wider materials or for the hierarchy.
-BLOCK = 65536
+READ_BACK_AT_ONCE = 65536
 
 
 class Prepared(NamedTuple):
@@ -105,14 +105,14 @@ class MaterialColumn:
         wider = FileWriter(self._path.with_suffix(f".{width}"), self._durable)
         self._file, self.bytes = wider, width
         if old is None:
-            for done in range(0, self._count, BLOCK):
-                n = min(BLOCK, self._count - done)
+            for done in range(0, self._count, READ_BACK_AT_ONCE):
+                n = min(READ_BACK_AT_ONCE, self._count - done)
                 wider.write(np.full(n, self.first, f"<u{width}"))
             return
         old.close()
         try:
             with old.path.open("rb") as file:
-                while block := file.read(BLOCK):
+                while block := file.read(READ_BACK_AT_ONCE):
                     wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
             old.path.unlink()
         except OSError as error:
@@ -277,10 +277,10 @@ def sphere_boxes(path: Path, wide: bool, origin: Vector) -> Iterator[NDArray[np.
 
 
 def _blocks(path: Path, size: int) -> Iterator[bytes]:
-    """Yield a file's records of `size` bytes, up to BLOCK of them at a time."""
+    """Yield a file's records of `size` bytes, up to READ_BACK_AT_ONCE of them at a time."""
     try:
         with path.open("rb") as file:
-            while block := file.read(BLOCK * size):
+            while block := file.read(READ_BACK_AT_ONCE * size):
                 if len(block) % size:
                     raise ShortReadError(path, file.tell() - len(block) % size, size, len(block))
                 yield block

@@ -21,7 +21,7 @@ from bfrt.formats.text import MOST_CORNERS
 log = logging.getLogger(__name__)
 
 #: Rows of one size that are read at once, and their bytes unless one row has more.
-BLOCK = 1 << 16
+ROWS_AT_ONCE = 1 << 16
 BLOCK_BYTES = 32 << 20
 
 
@@ -83,7 +83,7 @@ class Ply:
         start = self._place(number).offset
         self._place(number + 1)  # all of it is there
         rows = element.row_dtype(self.layout, names)
-        most = max(1, min(BLOCK, BLOCK_BYTES // rows.itemsize))
+        most = max(1, min(ROWS_AT_ONCE, BLOCK_BYTES // rows.itemsize))
         self.source.seek(start)
         for block in self.source.blocks(rows, element.rows, most):
             out = np.empty((len(block), len(names)), dtype)
