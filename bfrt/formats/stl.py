@@ -16,7 +16,7 @@ from bfrt.errors import SceneError
 from bfrt.formats._stl import Facets
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import Reading
-from bfrt.formats.source import PADDING, Report, Source, shown
+from bfrt.formats.source import PADDING, Report, Source, quoted
 
 log = logging.getLogger(__name__)
 
@@ -120,7 +120,7 @@ def text_facets(source: Source) -> Iterator[NDArray[np.float64]]:
         yield facets.parse(chunk)
         if facets.failed:
             raise SceneError(
-                f"{source.name}: line {facets.line}: found {shown(facets.token)}, "
+                f"{source.name}: line {facets.line}: found {quoted(facets.token)}, "
                 f"expected {facets.expected}"
             )
     if not facets.complete:

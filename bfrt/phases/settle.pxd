@@ -11,7 +11,7 @@ from bfrt.geometry.lanes cimport LANES
 from bfrt.geometry.shape cimport BoxHit, shape_bounds, shape_load
 from bfrt.phases.nearest cimport ray_line
 from bfrt.phases.pending cimport Pending, prefetch_ray, test_pending
-from bfrt.records cimport POLYGON, Delayed, Ray
+from bfrt.records cimport Delayed, Ray
 from bfrt.scan.deferred cimport (
     DeferredTests, delay, end_delays, full, piece_end, prefetch_piece, turn,
 )
@@ -90,7 +90,7 @@ cdef inline int defer_test(Pending* p, StreamScan w, DeferredTests d, int place,
         turn(d)
     wait.id, wait.ray = object_id(w, place), ray
     wait.first, wait.count = w.boxes.first + place, 1
-    if w.kind == POLYGON:
+    if w.geometry.counted:
         wait.first = w.boxes.ends[place]
         wait.count = w.boxes.ends[place + 1] - w.boxes.ends[place]
     delay(d, w.geometry.reader, w.geometry.stride, &wait)

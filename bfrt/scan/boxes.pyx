@@ -4,7 +4,7 @@ cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.geometry.coordinates cimport frame_of
-from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
+from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES
 from bfrt.scan.runs cimport polygon_end, prefetch_runs
 
 
@@ -33,15 +33,15 @@ cdef class BoxCursor:
         self.number = stream.number
         self.outliers = outliers
         self.frame = frame_of(stream.wide, origin)
-        if stream.kind == SPHERE:
-            self.spheres = self.reader = files.reader("geometry", capacity)
-            self.bytes = stream.stride
-        else:
+        if stream.kind.boxed:
             self.exact = self.reader = files.reader("boxes", capacity)
             self.bytes = BOX_BYTES
+        else:
+            self.spheres = self.reader = files.reader("geometry", capacity)
+            self.bytes = stream.stride
         if files.lazy and stream.quantised:
             self.quantised = files.reader("quantised", capacity // 4)
-        if files.lazy and stream.kind == POLYGON:
+        if files.lazy and stream.kind.counted:
             self.offsets = files.reader("offsets", capacity // 16)
         self.rewind()
 

@@ -8,7 +8,7 @@ from libc.string cimport memcpy
 
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.packet cimport BOXES
-from bfrt.records cimport OFFSET_BYTES, POLYGON
+from bfrt.records cimport OFFSET_BYTES
 from bfrt.scan.runs cimport run_end
 from bfrt.streams.reader cimport Reader, read_ahead, skip, take
 
@@ -17,6 +17,7 @@ cdef class GeometryCursor:
     cdef Reader reader
     cdef Reader offsets     # None for all but polygons
     cdef readonly int kind
+    cdef bint counted       # whether objects have several records: vertices
     cdef readonly int number    # the stream's
     cdef Frame frame
     cdef int64_t stride     # bytes of a record
@@ -67,7 +68,7 @@ cdef inline int next_records(GeometryCursor g, int64_t most) except -1 nogil:
     Polygons come one at a time, for their records are not of one size.
     """
     cdef int n = <int>(most if most < BOXES else BOXES)
-    if g.kind == POLYGON:
+    if g.counted:
         n = 1
         g.ends[0] = g.vertex
         memcpy(&g.ends[1], take(g.offsets, OFFSET_BYTES), OFFSET_BYTES)
@@ -82,7 +83,7 @@ cdef inline int next_records(GeometryCursor g, int64_t most) except -1 nogil:
 
 cdef inline uint32_t vertices_in(GeometryCursor g, int i) noexcept nogil:
     """Count the vertices of polygon i of the block; of other kinds 0."""
-    return g.ends[i + 1] - g.ends[i] if g.kind == POLYGON else 0
+    return g.ends[i + 1] - g.ends[i] if g.counted else 0
 
 
 cdef inline const unsigned char* pick_record(GeometryCursor g) except NULL nogil:

@@ -5,7 +5,7 @@ from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.geometry.coordinates cimport frame_of
 from bfrt.geometry.packet cimport BOXES
-from bfrt.records cimport OFFSET_BYTES, POLYGON
+from bfrt.records cimport OFFSET_BYTES
 from bfrt.scan.runs cimport polygon_end, prefetch_runs, run_end
 from bfrt.streams.reader cimport read_ahead, skip, take
 
@@ -32,12 +32,13 @@ cdef class GeometryCursor:
 
     def __cinit__(self, stream, origin, files, size_t capacity):
         self.kind = stream.kind
+        self.counted = stream.kind.counted
         self.number = stream.number
         self.stride = stream.stride
         self.frame = frame_of(stream.wide, origin)
         largest = self.stride * max(BOXES, stream.largest)
         self.reader = files.reader("geometry", max(capacity, largest))
-        if self.kind == POLYGON:
+        if self.counted:
             self.offsets = files.reader("offsets", capacity // 16)
         self.rewind()
 
@@ -67,7 +68,7 @@ cdef class GeometryCursor:
             If polygons end where they cannot.
         """
         cdef int64_t begin = first, end = last
-        if self.kind == POLYGON:
+        if self.counted:
             begin, end = self.place(first, last)
         self.reader.window(begin * self.stride, end * self.stride)
         self.at = begin
@@ -97,7 +98,7 @@ cdef class GeometryCursor:
             Ranges of one each, ascending.
         """
         cdef int64_t first = objects[0, 0], last = objects[objects.shape[0] - 1, 1]
-        if self.kind == POLYGON:
+        if self.counted:
             self.place(first, last)
             self.index = first
             self.ranges = self.vertices_of(objects)

@@ -3,7 +3,6 @@
 cimport cython
 from libc.stdint cimport int64_t
 
-from bfrt.records cimport SPHERE
 from bfrt.scan.boxes cimport BoxCursor
 from bfrt.scan.geometry cimport GeometryCursor
 from bfrt.scan.materials cimport MaterialCursor
@@ -41,8 +40,8 @@ cdef class StreamScan:
         self.kind = stream.kind
         self.number = stream.number
         self.lazy = files.lazy
-        self.deferred = self.lazy and self.kind != SPHERE
-        self.in_step = not self.lazy and self.kind != SPHERE
+        self.deferred = self.lazy and stream.kind.boxed
+        self.in_step = not self.lazy and stream.kind.boxed
         self.boxes = BoxCursor(stream, origin, files, outliers, capacity)
         self.geometry = GeometryCursor(stream, origin, files, capacity)
         self.materials = MaterialCursor(stream, files, capacity // 8)

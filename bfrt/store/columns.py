@@ -150,9 +150,9 @@ class StreamWriter:
         self.hierarchy: HierarchyWriter | None = None
         self._expected = 0
         names = ["geometry"]
-        if kind != Kind.SPHERE:
+        if kind.boxed:
             names.append("boxes")
-        if kind == Kind.POLYGON:
+        if kind.counted:
             names.append("offsets")
         self.files: dict[str, FileWriter] = {}
         try:
@@ -216,16 +216,16 @@ class StreamWriter:
 
     def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
         """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""
-        quantised = settings.bits > 0 and self.kind != Kind.SPHERE
+        quantised = settings.bits > 0 and self.kind.boxed
         return HierarchyWriter(
             self._folder, settings, surface, durable=self._durable, quantised=quantised
         )
 
     def _boxes(self, origin: Vector) -> Boxes:
         """Yield the boxes of the complete stream, block by block."""
-        if self.kind == Kind.SPHERE:
-            return sphere_boxes(self.files["geometry"].path, self.wide, origin)
-        return file_boxes(self.files["boxes"].path)
+        if self.kind.boxed:
+            return file_boxes(self.files["boxes"].path)
+        return sphere_boxes(self.files["geometry"].path, self.wide, origin)
 
     def close(self) -> dict[str, Any]:
         """Make the files durable; return the stream's part of the header, without levels."""

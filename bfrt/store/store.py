@@ -94,11 +94,11 @@ class Stream:
 
     def expected_bytes(self) -> dict[str, int]:
         """Return the size of each file, bytes, that the counts imply."""
-        records = self.vertices if self.kind == Kind.POLYGON else self.count
+        records = self.vertices if self.kind.counted else self.count
         sizes = {"geometry": records * self.stride}
-        if self.kind != Kind.SPHERE:
+        if self.kind.boxed:
             sizes["boxes"] = self.count * BOX_BYTES
-        if self.kind == Kind.POLYGON:
+        if self.kind.counted:
             sizes["offsets"] = self.count * OFFSET_BYTES
         if self.material_bytes:
             sizes["materials"] = self.count * self.material_bytes
