@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 class Kind(enum.IntEnum):
     """Numbers the kinds of primitives, in the order of object ids.
 
-    What a store and its readers know of a kind is in `FACTS`; its shape is in ``geometry/``, and in
-    the switch of ``geometry/shape.pxd``. ``records.pxd`` numbers the kinds alike.
+    What a store and its readers know of a kind is in `FACTS`; its shape has a file of its own,
+    and a case in the switch of bfrt/geometry/shape.pxd. ``records.pxd`` numbers the kinds alike.
     """
 
     SPHERE = 0
