@@ -217,7 +217,8 @@ class ObjectWriter:
                     row = row[max(int(np.argmin(finite(row))) - 2, 0) :]
             expected = "numbers" if counts is None else "coordinates of three corners or more"
             raise SceneError(
-                f"{self.name}: {what} {first + bad}: found {numbers_of(row)}, expected finite {expected}"
+                f"{self.name}: {what} {first + bad}: found {numbers_of(row)}, "
+                f"expected finite {expected}"
             )
         self.dropped += int(len(good) - good.sum())
         return good
