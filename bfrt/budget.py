@@ -19,7 +19,7 @@ from bfrt.grid.voxel_rays import BLOCK_BYTES, UPPER_BYTES, VoxelRays
 from bfrt.image.frame import FrameSize, held_frame
 from bfrt.memory import BASELINE, format_memory
 from bfrt.phases.shading import SHADED_HIT_BYTES, Shading
-from bfrt.phases.traversal import CANDIDATES_A_RAY, FEWEST_RAYS, FLYING_BYTES
+from bfrt.phases.traversal import CANDIDATES_A_RAY, FEWEST_RAYS, IN_FLIGHT_BYTES
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
 from bfrt.scan.deferred import DELAYS_BYTES
 from bfrt.scan.scans import READ_BUFFER, GroupScans
@@ -33,7 +33,7 @@ SINGLE_PART = 0.1
 UPPER_PART = 0.4
 BLOCK_PART = 0.04
 SUBSPACE_PART = 0.7
-FLYING_PART = 0.45
+IN_FLIGHT_PART = 0.45
 GRID_PART = SLAB_PART + UPPER_PART + BLOCK_PART + 0.02
 
 #: The paper's Ru: 256 upper voxels an axis.
@@ -122,7 +122,7 @@ def capacities(store: Store, settings: Settings, frame: FrameSize = NO_FRAME) ->
     fixed = fixed_bytes(store, threads)
     held = held_frame(frame, memory - fixed, FEWEST_RAYS)
     small = held_frame(frame, 0, FEWEST_RAYS)
-    needed = int(FEWEST_RAYS * (FLYING_BYTES / FLYING_PART) / (1 - GRID_PART) + 4096)
+    needed = int(FEWEST_RAYS * (IN_FLIGHT_BYTES / IN_FLIGHT_PART) / (1 - GRID_PART) + 4096)
     least = fixed + small.bytes + needed
     if memory < least:
         what = f"{frame.width} x {frame.height} pixels" if frame.width else "rays"
@@ -138,8 +138,8 @@ def capacities(store: Store, settings: Settings, frame: FrameSize = NO_FRAME) ->
     subspace = int(left * SUBSPACE_PART)
     cuts = [partition_of(group, limits) for group in store.groups]
     left -= max(grid_bytes(cut, limits, blocks) for cut in cuts)
-    rays = min(int(left * FLYING_PART / FLYING_BYTES), 1 << RAY_BITS)
-    others = (left - rays * FLYING_BYTES) // 2
+    rays = min(int(left * IN_FLIGHT_PART / IN_FLIGHT_BYTES), 1 << RAY_BITS)
+    others = (left - rays * IN_FLIGHT_BYTES) // 2
     # Between groups all rays wait, in one of two spools.
     hit = SHADED_HIT_BYTES + HIT_BYTES + (2 * HIT_BYTES if len(store.groups) > 1 else 0)
     return Capacities(

@@ -22,7 +22,7 @@ from bfrt.grid.slabs import Slabs, cuts_of
 from bfrt.phases.eye import count_eye_rays
 from bfrt.phases.preprocess import grid_of, layout_of
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan
-from bfrt.records import HIT_BYTES, QUEUED_BYTES, Kind
+from bfrt.records import HIT_BYTES, QUEUED_BYTES
 from bfrt.settings import Refinement, Settings
 from bfrt.store.store import Group, Store
 from bfrt.view import View
@@ -145,7 +145,7 @@ def swept_of(group: Group, refinement: Refinement) -> Swept:
         boxes += own + sizes.get("offsets", 0)
         coded += sizes.get("quantised", own) if refinement.hierarchy else own
         coded += sizes.get("offsets", 0)
-        shapes += 0 if stream.kind == Kind.SPHERE else geometry
+        shapes += geometry if stream.kind.boxed else 0
         materials += sizes.get("materials", 0)
         if refinement.hierarchy and stream.levels:
             above = [sizes[f"level{number}"] for number in range(1, len(stream.levels) + 1)]

@@ -26,14 +26,18 @@ DELAYED         24  a ray in flight that has met a box, and waits for the object
 from __future__ import annotations
 
 import enum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 class Kind(enum.IntEnum):
-    """Numbers the kinds of primitives, in the order of object ids."""
+    """Numbers the kinds of primitives, in the order of object ids.
+
+    What a store and its readers know of a kind is in `FACTS`; its shape has a file of its own,
+    and a case in the switch of bfrt/geometry/shape.pxd. ``records.pxd`` numbers the kinds alike.
+    """
 
     SPHERE = 0
     CONE = 1
@@ -43,7 +47,40 @@ class Kind(enum.IntEnum):
 
     @property
     def label(self) -> str:
+        """Return the name, small."""
         return self.name.lower()
+
+    @property
+    def scalars(self) -> int:
+        """Return the coordinates of one record."""
+        return FACTS[self].scalars
+
+    @property
+    def boxed(self) -> bool:
+        """Tell whether boxes are stored beside records, which are larger."""
+        return FACTS[self].boxed
+
+    @property
+    def counted(self) -> bool:
+        """Tell whether an object has records of a number of its own: vertices."""
+        return FACTS[self].counted
+
+
+class KindFacts(NamedTuple):
+    """Holds what is stored of a kind."""
+
+    scalars: int
+    boxed: bool
+    counted: bool
+
+
+FACTS = {
+    Kind.SPHERE: KindFacts(4, boxed=False, counted=False),
+    Kind.CONE: KindFacts(8, boxed=True, counted=False),
+    Kind.TRIANGLE: KindFacts(9, boxed=True, counted=False),
+    Kind.PATCH: KindFacts(18, boxed=True, counted=False),
+    Kind.POLYGON: KindFacts(3, boxed=True, counted=True),
+}
 
 
 class RayKind(enum.IntEnum):
@@ -58,7 +95,7 @@ class RayKind(enum.IntEnum):
 KINDS = len(Kind)
 
 #: Coordinates of one record; a polygon's is one vertex.
-SCALARS = {Kind.SPHERE: 4, Kind.CONE: 8, Kind.TRIANGLE: 9, Kind.PATCH: 18, Kind.POLYGON: 3}
+SCALARS = {kind: kind.scalars for kind in Kind}
 
 _LINE = [(name, "<f8") for name in ("ox", "oy", "oz", "dx", "dy", "dz")]
 _NEAREST = [("t", "<f8"), ("id", "<u8")]

@@ -469,7 +469,7 @@ class Scene:
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.NEAREST.ask(self._session, question, settings)
+            return casting.NEAREST.answer(self._session, question, settings)
 
     def occluded(
         self,
@@ -528,7 +528,7 @@ class Scene:
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.ANY_HIT.ask(self._session, question, settings)
+            return casting.ANY_HIT.answer(self._session, question, settings)
 
     def count_intersections(
         self,
@@ -587,7 +587,7 @@ class Scene:
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.COUNT.ask(self._session, question, settings)
+            return casting.COUNT.answer(self._session, question, settings)
 
     def list_intersections(
         self,
@@ -645,7 +645,7 @@ class Scene:
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
-            return casting.LIST.ask(self._session, question, settings)
+            return casting.LIST.answer(self._session, question, settings)
 
 
 class SceneWriter(StoreWriter):

@@ -13,7 +13,7 @@ from bfrt.phases._intersection import Intersector
 from bfrt.phases.intersection import intersect_all
 from bfrt.phases.outliers import Outliers
 from bfrt.phases.preprocess import Marking, grid_of, layout_of
-from bfrt.phases.traversal import Flight, Ground
+from bfrt.phases.traversal import Accelerator, Traversal
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters
@@ -106,7 +106,7 @@ class TracedGroup:
             marking.mark_all(subspace, writer)
         return writer.marks
 
-    def open(self, blocks: int, subspace: int) -> Ground:
+    def open(self, blocks: int, subspace: int) -> Accelerator:
         """Take memory for the grid, with `blocks` lower-level blocks."""
         marks = open_marks(self._marks_path, self._store, self._layout)
         if marks is None:  # another render has made others since
@@ -116,14 +116,14 @@ class TracedGroup:
         self._intersectors = [
             Intersector(self._grid, voxel_rays) for _ in range(self._workers.threads)
         ]
-        return Ground(self._slabs, voxel_rays, self._outliers)
+        return Accelerator(self._slabs, voxel_rays, self._outliers)
 
-    def intersect(self, flight: Flight, counters: Counters) -> None:
+    def intersect(self, traversal: Traversal, counters: Counters) -> None:
         """Make one pass over the group's objects."""
         phase = counters.phases.intersection
         before = phase.bytes_read
         intersect_all(
-            self.scans, self._selection, flight, self._intersectors, self._workers, counters
+            self.scans, self._selection, traversal, self._intersectors, self._workers, counters
         )
         self.read = max(self.read, phase.bytes_read - before)
 

@@ -23,7 +23,7 @@ import numpy as np
 from bfrt.budget import Capacities
 from bfrt.image.film import Film
 from bfrt.phases.all_hits import AllHits
-from bfrt.phases.traversal import Flight, Queue, Sink, Sinks
+from bfrt.phases.traversal import Queue, Sink, Sinks, Traversal
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
@@ -92,7 +92,7 @@ class Tracer:
             with self.prepared.phases.preprocess.timed():
                 for group in self.groups:
                     group.preprocess(capacities.subspace, self.prepared, fresh=settings.fresh_marks)
-            self._flight = Flight(capacities.rays, capacities.candidates, self.workers)
+            self._traversal = Traversal(capacities.rays, capacities.candidates, self.workers)
             room = capacities.hits if len(self.groups) > 1 else 0
             self._between = [Spool(HIT, room, self.scratch) for _ in range(2)]
             self.prepared.seconds = time.perf_counter() - start
@@ -113,7 +113,7 @@ class Tracer:
     @property
     def bad(self) -> int:
         """Return the number of rays so far that were NaN or had no direction."""
-        return self._flight.bad
+        return self._traversal.bad
 
     def serves(self, settings: Settings) -> bool:
         """Tell whether it works with these settings here: a forked process lacks its threads."""
@@ -143,8 +143,8 @@ class Tracer:
 
     def trace(self, queue: Queue, outcome: Outcome, counters: Counters, tell: Tell) -> None:
         """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
-        passage = Passage(self._flight, counters, tell)
-        self._flight.begin(outcome.crossings)
+        passage = Passage(self._traversal, counters, tell)
+        self._traversal.begin(outcome.crossings)
         last = self.groups[-1]
         for group, between in zip(self.groups, itertools.cycle(self._between), strict=False):
             hits: Sink = outcome.hits if group is last else between
@@ -162,7 +162,7 @@ class Tracer:
     def _enter(self, group: TracedGroup) -> None:
         if self._entered is not group:
             self._leave()
-            self._flight.enter(group.open(self.capacities.blocks, self.capacities.subspace))
+            self._traversal.enter(group.open(self.capacities.blocks, self.capacities.subspace))
             self._entered = group
 
     def _leave(self) -> None:
@@ -180,23 +180,23 @@ class Passage:
         Rays that are finished.
     """
 
-    def __init__(self, flight: Flight, counters: Counters, tell: Tell) -> None:
+    def __init__(self, traversal: Traversal, counters: Counters, tell: Tell) -> None:
         self.done = 0
-        self._flight = flight
+        self._traversal = traversal
         self._counters = counters
         self._tell = tell
 
     def go(self, group: TracedGroup, queue: Queue, sinks: Sinks) -> None:
         """Take a queue through one group."""
-        flight, counters, phases = self._flight, self._counters, self._counters.phases
-        while len(queue) or flight.active:
+        traversal, counters, phases = self._traversal, self._counters, self._counters.phases
+        while len(queue) or traversal.active:
             self._tell(self.done)
             with phases.traversal.timed():
-                self.done += flight.admit(queue, sinks, counters)
-                if flight.active:
-                    flight.collect(group.read, counters, selective=group.selective)
-            if flight.active:
+                self.done += traversal.admit(queue, sinks, counters)
+                if traversal.active:
+                    traversal.collect(group.read, counters, selective=group.selective)
+            if traversal.active:
                 with phases.intersection.timed():
-                    group.intersect(flight, counters)
+                    group.intersect(traversal, counters)
                 with phases.traversal.timed():
-                    self.done += flight.retire(sinks, counters)
+                    self.done += traversal.retire(sinks, counters)

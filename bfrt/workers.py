@@ -40,11 +40,11 @@ class Stop:
 
     Attributes
     ----------
-    told : bool
+    requested : bool
         Whether they shall stop.
     """
 
-    told = False
+    requested = False
 
 
 #: Called with the worker's number, and what tells it to stop.
@@ -90,7 +90,7 @@ class Workers:
         starts = itertools.count(0, chunk)
 
         def count_down(worker: int, stop: Stop) -> None:
-            while not stop.told and (first := next(starts)) < count:
+            while not stop.requested and (first := next(starts)) < count:
                 task(worker, first, min(count, first + chunk))
 
         self._share(count_down, alone=count <= chunk)
@@ -113,9 +113,9 @@ class Workers:
         """
 
         def empty(worker: int, stop: Stop) -> None:
-            while not stop.told and (chunk := source.next(worker)) is not None:
+            while not stop.requested and (chunk := source.next(worker)) is not None:
                 work(worker, chunk)
-            if finish is not None and not stop.told:
+            if finish is not None and not stop.requested:
                 finish(worker)
 
         self._share(empty, alone=source.short)
@@ -134,7 +134,7 @@ class Workers:
                 loop(worker, stop)
             except BaseException as error:
                 failures.append(error)
-                stop.told = True
+                stop.requested = True
 
         others: list[Future[None]] = []
         try:
@@ -145,7 +145,7 @@ class Workers:
             if others:
                 wait(others)
         finally:  # an interrupt finds the workers at work
-            stop.told = True
+            stop.requested = True
             wait(others)
         if failures:
             raise failures[0]

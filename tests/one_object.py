@@ -37,15 +37,15 @@ def meet(
     record: ArrayLike,
     origins: ArrayLike,
     directions: ArrayLike,
-    grow: float = np.inf,
+    padding: float = np.inf,
     origin: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Met:
-    """Meet the object; a box that grows by inf excludes nothing, so the kernel is on its own."""
+    """Meet the object; a box padded by inf excludes nothing, so the kernel is on its own."""
     start = np.ascontiguousarray(origins, np.float64)
     way = np.ascontiguousarray(directions, np.float64)
     numbers = np.array(record, np.float64).reshape(-1)
     offset = list(np.array(origin))
-    box, t, surface, crossings = _kernels.meet(kind, numbers, offset, grow, start, way)
+    box, t, surface, crossings = _kernels.meet(kind, numbers, offset, padding, start, way)
     with np.errstate(invalid="ignore"):
         points = start + t[:, None] * way
     geometric, shading, uv, places = np.split(surface, [3, 6, 8], axis=1)

@@ -67,7 +67,7 @@ def points(layout="ascii", more=(), rows=None):
 def chunk_bytes(patch, size):
     patch.setattr(source_module, "CHUNK_BYTES", size)
     patch.setattr(file_module, "CHUNK_BYTES", size)
-    patch.setattr(file_module, "BLOCK", max(size // 16, 1))
+    patch.setattr(file_module, "ROWS_AT_ONCE", max(size // 16, 1))
 
 
 # --- colors --------------------------------------------------------------------------------------

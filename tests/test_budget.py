@@ -17,7 +17,7 @@ from bfrt.errors import BudgetError, SettingError
 from bfrt.grid.partition import partition_of
 from bfrt.image.frame import FrameSize
 from bfrt.memory import default_memory, format_memory, parse_memory
-from bfrt.phases.traversal import FEWEST_RAYS, FLYING_BYTES
+from bfrt.phases.traversal import FEWEST_RAYS, IN_FLIGHT_BYTES
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
 from bfrt.settings import Settings
 from bfrt.store.model import Light, Material
@@ -257,7 +257,7 @@ def test_channels_on_request_take_their_bytes_from_the_rays(stores):
     ]
     assert plans[0] == divided(stores[1], 512, 512, 16, 512 << 20, 2)
     lost = -np.diff([plan.rays for plan in plans])
-    part = budget.FLYING_PART * 2 * 12 * 512 * 512 / FLYING_BYTES
+    part = budget.IN_FLIGHT_PART * 2 * 12 * 512 * 512 / IN_FLIGHT_BYTES
     assert (lost > 0).all() and lost == pytest.approx([part, part], rel=0.2)
     # The least in which the frame is in memory without them: it is not, with them.
     edge = next(

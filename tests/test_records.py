@@ -14,6 +14,7 @@ from bfrt.grid.grid import Grid
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
 from bfrt.phases._traversal import RayPool
+from bfrt.phases.lighting import Lighting
 
 PXD = (Path(bfrt.__file__).parent / "records.pxd").read_text()
 
@@ -95,13 +96,11 @@ def test_the_compiler_agrees():
     settled(np.zeros(0, records.HIT))  # and a pool views its memory as RAY and PATH
     Shader(
         np.zeros(0, records.MATERIAL),
-        np.zeros((0, 6)),
-        1.0,
+        Lighting(np.zeros((0, 6)), 1.0),
         np.zeros(3),
         np.zeros(3),
         Film(1, 1, 1),
-        np.zeros(0, records.QUEUED),
-        lambda _: None,
+        2,
     )
     for wrong in ([*records.HIT.descr[1:], records.HIT.descr[0]], records.HIT.descr[:-1]):
         with pytest.raises(ValueError, match="Buffer dtype mismatch"):

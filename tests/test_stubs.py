@@ -96,9 +96,6 @@ def test_what_a_stub_declares_is_found():
 #: These are twins, which tests/test_records.py compares.
 TWINS = {"records.py", "records.pxd"}
 
-#: What is taken at once: each reader has its own measure, which may be another's by chance.
-OWN_MEASURES = {"BLOCK"}
-
 ENUMERATED = re.compile(r"([A-Z][A-Z0-9_]*) = (.+)")
 
 
@@ -138,11 +135,7 @@ def twice(texts):
 def test_no_constant_has_its_value_in_two_places():
     paths = [path for suffix in ("py", "pyx", "pxd") for path in ROOT.rglob(f"*.{suffix}")]
     found = twice({str(path.relative_to(ROOT)): path.read_text() for path in paths})
-    doubled = {
-        name: where
-        for (name, _), where in found.items()
-        if name not in OWN_MEASURES and not TWINS.issuperset(where)
-    }
+    doubled = {name: where for (name, _), where in found.items() if not TWINS.issuperset(where)}
     assert doubled == {}
 
 

@@ -180,32 +180,32 @@ def convert(
         uses=Uses(len(sources)),
     )
     budget = default_memory() if memory is None else parse_memory(memory)
-    asked = Conversion(sources, target, reading, budget, dtype, hierarchy, durable)
-    scene = write_scene(asked, progress)
+    conversion = Conversion(sources, target, reading, budget, dtype, hierarchy, durable)
+    scene = write_scene(conversion, progress)
     if not scene.objects:
-        log.warning("%s: no object was found", asked.names)
+        log.warning("%s: no object was found", conversion.names)
     return scene
 
 
-def write_scene(asked: Conversion, progress: Report | None) -> Scene:
+def write_scene(conversion: Conversion, progress: Report | None) -> Scene:
     """Write the sources one after the other, each into its group."""
-    rooms = rooms_of(asked)
-    with open_writer(asked) as writer:
-        if asked.first_scene is not None:
-            writer.expect(asked.first_scene.counts, asked.first_scene.surface)
-        for group, (source, room) in enumerate(zip(asked.sources, rooms, strict=True)):
+    rooms = rooms_of(conversion)
+    with open_writer(conversion) as writer:
+        if conversion.first_scene is not None:
+            writer.expect(conversion.first_scene.counts, conversion.first_scene.surface)
+        for group, (source, room) in enumerate(zip(conversion.sources, rooms, strict=True)):
             sink = GroupSink(writer, group)
             if isinstance(source, StandardScene):
-                asked.reading.refuse_all_but(source.name)
+                conversion.reading.refuse_all_but(source.name)
                 source.scene.feed(sink, usable_threads())
             else:
-                reading = replace(asked.reading, room=room)
-                read_file(source, sink, reading, after(progress, asked.sources[:group]))
-        with complaints_of(asked.names):
+                reading = replace(conversion.reading, room=room)
+                read_file(source, sink, reading, after(progress, conversion.sources[:group]))
+        with complaints_of(conversion.names):
             return writer.close()
 
 
-def rooms_of(asked: Conversion) -> list[int]:
+def rooms_of(conversion: Conversion) -> list[int]:
     """Return the bytes that each source's conversion leaves of the budget for vertices.
 
     Raises
@@ -213,22 +213,24 @@ def rooms_of(asked: Conversion) -> list[int]:
     BudgetError
         If the budget is less than the least that works for all.
     """
-    colored = asked.reading.color_by == RGB
-    sizes = [s.scene.store_bytes if isinstance(s, StandardScene) else None for s in asked.sources]
-    sized = zip(asked.sources, sizes, strict=True)
+    colored = conversion.reading.color_by == RGB
+    sizes = [
+        s.scene.store_bytes if isinstance(s, StandardScene) else None for s in conversion.sources
+    ]
+    sized = zip(conversion.sources, sizes, strict=True)
     needs = [need_of(source.name, size, colored=colored) for source, size in sized]
-    return rooms_for(needs, asked.memory)
+    return rooms_for(needs, conversion.memory)
 
 
-def open_writer(asked: Conversion) -> SceneWriter:
+def open_writer(conversion: Conversion) -> SceneWriter:
     """Open the writer of the store."""
-    first = asked.first_scene
+    first = conversion.first_scene
     return SceneWriter(
-        asked.target,
-        dtype="float32" if asked.is_plain and asked.dtype is None else asked.dtype,
-        origin=(0.0, 0.0, 0.0) if asked.is_plain else None,
-        hierarchy=asked.hierarchy or (first.hierarchy if first is not None else None),
-        durable=asked.durable,
+        conversion.target,
+        dtype="float32" if conversion.is_plain and conversion.dtype is None else conversion.dtype,
+        origin=(0.0, 0.0, 0.0) if conversion.is_plain else None,
+        hierarchy=conversion.hierarchy or (first.hierarchy if first is not None else None),
+        durable=conversion.durable,
     )
 
 

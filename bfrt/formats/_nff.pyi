@@ -18,7 +18,7 @@ class Event(enum.IntEnum):
     BACKGROUND = 5
     MATERIAL = 6
     UNPAINTED = 7
-    FULL = 8
+    BLOCK_FULL = 8
 
 class Fault(enum.IntEnum):
     CUT_SHORT = 1

@@ -6,7 +6,7 @@
                                          |
     advance()     find a blank's end, a token --> number / integer / keyword
                                          |
-                     value[] --> commit --> block of a kind --> Event.FULL --> take(kind)
+                     value[] --> commit --> block of a kind --> Event.BLOCK_FULL --> take(kind)
 
 A chunk may end anywhere. Nothing is consumed of a token that may go on in the next chunk; ``feed``
 carries it over, which is at most ``MAX_TOKEN`` bytes. The state of the entity that is being read
@@ -40,7 +40,7 @@ cpdef enum Event:
     BACKGROUND  # `values` has 3
     MATERIAL  # `values` has 8
     UNPAINTED  # an object comes before the first material
-    FULL  # the block of `kind` wants to be taken
+    BLOCK_FULL  # the block of `kind` wants to be taken
 
 cpdef enum Fault:
     CUT_SHORT = 1
@@ -403,7 +403,7 @@ cdef class Parser(Tokens):
         if block.count < self.block_objects:
             return GO_ON
         self.kind = kind
-        return FULL
+        return BLOCK_FULL
 
     cdef int begin_vertices(self) noexcept nogil:
         self.promised = <int64_t>self.value[0]
@@ -428,7 +428,7 @@ cdef class Parser(Tokens):
         if block.count < self.block_objects and self.vertices < self.block_vertices:
             return GO_ON
         self.kind = POLYGONS
-        return FULL
+        return BLOCK_FULL
 
     cdef int add_corner(self) noexcept nogil:
         """Add a corner; from the third on it makes a patch with the first and the previous one."""

@@ -45,7 +45,7 @@ from bfrt.formats.naming import (
     triangles_in,
 )
 from bfrt.formats.object_writer import ObjectWriter
-from bfrt.formats.points import BLOCK, PointBlock, write_points
+from bfrt.formats.points import POINTS_AT_ONCE, PointBlock, write_points
 from bfrt.formats.reading import PAINTED, POINTS, RGB, Reading
 from bfrt.formats.table import Array, Arrays, Rows, floats, level, wrong
 
@@ -226,14 +226,14 @@ def either(counts: tuple[int, ...]) -> str:
 
 def numbers(column: Rows | None) -> Iterator[NDArray[Any]]:
     """Return the numbers from which a color map takes its range, block by block."""
-    return iter(()) if column is None else column.blocks(BLOCK)
+    return iter(()) if column is None else column.blocks(POINTS_AT_ONCE)
 
 
 def together(first: Rows, *others: Rows | None) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of arrays of one length, block by block; None for an array that is missing."""
     there = [first, *(other for other in others if other is not None)]
     widest = max(math.prod(array.shape[1:]) * array.dtype.itemsize for array in there)
-    rows = min(BLOCK, max(1, BLOCK_BYTES // max(1, widest)))
+    rows = min(POINTS_AT_ONCE, max(1, BLOCK_BYTES // max(1, widest)))
     for blocks in zip(*(array.blocks(rows) for array in there), strict=True):
         found = iter(blocks[1:])
         yield blocks[0], *(None if other is None else next(found) for other in others)

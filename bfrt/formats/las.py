@@ -12,7 +12,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import full_of
 from bfrt.formats.laz import LasSource, asking, backend_for
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
-from bfrt.formats.points import BLOCK, PointBlock, write_points
+from bfrt.formats.points import POINTS_AT_ONCE, PointBlock, write_points
 from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, printable
 
@@ -54,7 +54,7 @@ class Scan:
         done = 0
         with self._opened() as file:
             promised = file.header.point_count
-            chunks = file.chunk_iterator(BLOCK)
+            chunks = file.chunk_iterator(POINTS_AT_ONCE)
             while True:
                 with asking(self._source, f"{promised} points", f"point {done}: "):
                     chunk = next(chunks, None)

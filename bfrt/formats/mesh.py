@@ -28,7 +28,7 @@ from bfrt.memory import format_memory
 from bfrt.streams.spool import Spool
 
 #: Vertices of a queue that are looked up at once.
-BLOCK = 1 << 17
+LOOKUPS_AT_ONCE = 1 << 17
 
 #: Corners of faces that are made objects at once.
 CORNERS = 1 << 17
@@ -180,7 +180,7 @@ def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArr
                 place = (needed[part] - window * most).astype(np.uint32)
                 places[window].append(place.view(PLACE))
         for window, vertices in enumerate(windows(mesh, most)):
-            while count := len(block := places[window].read(BLOCK)):
+            while count := len(block := places[window].read(LOOKUPS_AT_ONCE)):
                 corners = vertices.take(block["place"], axis=0)
                 found[window].append(corners.view(row).reshape(count))
             places[window].close()

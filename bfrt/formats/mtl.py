@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import SceneError
-from bfrt.formats.source import Source, shown
+from bfrt.formats.source import Source, quoted
 from bfrt.store.model import Material
 
 log = logging.getLogger(__name__)
@@ -128,7 +128,7 @@ class Library:
                 "its default is taken",
                 self._path,
                 line,
-                shown(b" ".join(words)),
+                quoted(b" ".join(words)),
                 key.decode(),
                 NUMBERS[key],
             )

@@ -198,7 +198,7 @@ class _Reader:
             Event.BACKGROUND: self.take_background,
             Event.MATERIAL: self.take_material,
             Event.UNPAINTED: self.use_default_material,
-            Event.FULL: self.take_block,
+            Event.BLOCK_FULL: self.take_block,
             Event.FAULT: self.fail,
             Event.DONE: self.finish,
         }

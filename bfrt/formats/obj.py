@@ -23,7 +23,7 @@ from bfrt.formats.mtl import read_mtl
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import POINTS, RGB, Reading
-from bfrt.formats.source import Report, Source, shown
+from bfrt.formats.source import Report, Source, quoted
 from bfrt.formats.text import MOST_CORNERS
 from bfrt.store.model import Material
 
@@ -81,7 +81,7 @@ class ObjVertices:
         if lines.unknown > known:
             number, word = lines.stranger
             raise SceneError(
-                f"{self.name}: line {number}: found {shown(word)}, expected v, f or another "
+                f"{self.name}: line {number}: found {quoted(word)}, expected v, f or another "
                 f"statement of OBJ, as in {known} of {known + lines.unknown} lines only"
             )
         if known and not lines.vertices and not lines.faces:
@@ -115,7 +115,7 @@ class ObjVertices:
 def refuse_fault(lines: Lines, name: str) -> None:
     """Raise the fault that the parser found."""
     if lines.fault:
-        told = WORDS[Fault(lines.fault)].format(shown(lines.token))
+        told = WORDS[Fault(lines.fault)].format(quoted(lines.token))
         raise SceneError(f"{name}: line {lines.line}: {told}")
 
 
@@ -180,7 +180,7 @@ class ObjMesh:
             log.warning(
                 "%s: material %s is in no library that was found, and is plain",
                 self.name,
-                shown(name),
+                quoted(name),
             )
         return self._materials.get(name, plain)
 
@@ -195,7 +195,7 @@ class ObjMesh:
         for name in [bare] if len(missing) == len(names) > 0 else missing:
             if name not in self._missing:
                 self._missing.add(name)
-                told = shown(name.encode("utf-8", "surrogateescape"))
+                told = quoted(name.encode("utf-8", "surrogateescape"))
                 log.warning("%s: found no library %s", self.name, told)
         for name in names:
             if name not in missing:

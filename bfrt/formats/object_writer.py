@@ -217,7 +217,8 @@ class ObjectWriter:
                     row = row[max(int(np.argmin(finite(row))) - 2, 0) :]
             expected = "numbers" if counts is None else "coordinates of three corners or more"
             raise SceneError(
-                f"{self.name}: {what} {first + bad}: found {told(row)}, expected finite {expected}"
+                f"{self.name}: {what} {first + bad}: found {numbers_of(row)}, "
+                f"expected finite {expected}"
             )
         self.dropped += int(len(good) - good.sum())
         return good
@@ -269,6 +270,6 @@ def faces_of(
     return corners[np.repeat(some, counts)], counts[some]
 
 
-def told(row: NDArray[Any]) -> str:
+def numbers_of(row: NDArray[Any]) -> str:
     """Return numbers in words, for an error."""
     return " ".join(f"{float(x):g}" for x in row.reshape(-1)[:9]) or "nothing"

@@ -13,7 +13,7 @@ from bfrt.errors import SettingError
 from bfrt.formats.object_writer import ObjectWriter, finite
 
 #: Points that are read at once.
-BLOCK = 1 << 16
+POINTS_AT_ONCE = 1 << 16
 
 
 class PointBlock(NamedTuple):

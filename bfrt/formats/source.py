@@ -281,7 +281,7 @@ def printable(name: str) -> str:
     return name if name.isprintable() else repr(name)
 
 
-def shown(token: bytes) -> str:
+def quoted(token: bytes) -> str:
     """Return a token for an error, on one line for any bytes."""
     if not token:
         return "end of file"

@@ -16,7 +16,7 @@ from bfrt.errors import SceneError
 from bfrt.formats._stl import Facets
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import Reading
-from bfrt.formats.source import PADDING, Report, Source, shown
+from bfrt.formats.source import PADDING, Report, Source, quoted
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ LOOK = 512
 SECOND = (b"facet", b"endsolid", b"end ", b"color", b"solid")
 
 #: Facets that are read at once.
-BLOCK = 1 << 16
+FACETS_AT_ONCE = 1 << 16
 
 
 def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
@@ -64,7 +64,7 @@ def facets_of(source: Source) -> Iterator[NDArray[Any]]:
         return
     check_count(source, count, behind)
     source.seek(COUNT_END)
-    for block in source.blocks(FACET, count, BLOCK):
+    for block in source.blocks(FACET, count, FACETS_AT_ONCE):
         yield np.ascontiguousarray(block["vertices"])
 
 
@@ -120,7 +120,7 @@ def text_facets(source: Source) -> Iterator[NDArray[np.float64]]:
         yield facets.parse(chunk)
         if facets.failed:
             raise SceneError(
-                f"{source.name}: line {facets.line}: found {shown(facets.token)}, "
+                f"{source.name}: line {facets.line}: found {quoted(facets.token)}, "
                 f"expected {facets.expected}"
             )
     if not facets.complete:

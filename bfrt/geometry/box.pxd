@@ -36,7 +36,7 @@ cdef packed struct Box:
     float lo[3]
     float hi[3]
 
-cdef struct Grown:
+cdef struct PaddedBox:
     double lo[3]
     double hi[3]
 
@@ -87,16 +87,16 @@ cdef inline bint slab_axis(double lo, double hi, double o, double inv, Span* s) 
     return s.near <= s.far
 
 
-cdef inline void box_grow(const Box* b, double grow, Grown* g) noexcept nogil:
-    """Grow a box by `grow` on all sides: the box that rays meet."""
+cdef inline void box_pad(const Box* b, double padding, PaddedBox* g) noexcept nogil:
+    """Pad a box on all sides: the box that rays meet."""
     cdef int k
     for k in range(3):
-        g.lo[k] = b.lo[k] - grow
-        g.hi[k] = b.hi[k] + grow
+        g.lo[k] = b.lo[k] - padding
+        g.hi[k] = b.hi[k] + padding
 
 
-cdef inline bint grown_span(const Grown* g, const Line* r, Span* s) noexcept nogil:
-    """Find where the line, from t = 0 on, is inside the grown box; false for nowhere."""
+cdef inline bint padded_span(const PaddedBox* g, const Line* r, Span* s) noexcept nogil:
+    """Find where the line, from t = 0 on, is inside the padded box; false for nowhere."""
     s.near = 0.0
     s.far = INFINITY
     return (
@@ -106,8 +106,8 @@ cdef inline bint grown_span(const Grown* g, const Line* r, Span* s) noexcept nog
     )
 
 
-cdef inline bint box_span(const Box* b, double grow, const Line* r, Span* s) noexcept nogil:
-    """Find where the line is inside a box that is grown for this test alone."""
-    cdef Grown g
-    box_grow(b, grow, &g)
-    return grown_span(&g, r, s)
+cdef inline bint box_span(const Box* b, double padding, const Line* r, Span* s) noexcept nogil:
+    """Find where the line is inside a box that is padded for this test alone."""
+    cdef PaddedBox g
+    box_pad(b, padding, &g)
+    return padded_span(&g, r, s)

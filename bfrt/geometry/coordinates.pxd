@@ -7,6 +7,13 @@ cdef struct Frame:
     Vec origin   # taken off wide coordinates; narrow ones are relative to it already
 
 
+cdef inline Frame frame_of(bint wide, origin) except *:
+    """Return the frame of a file, for a store's origin of 3 float."""
+    cdef Frame f
+    f.wide, f.origin = wide, vec(origin[0], origin[1], origin[2])
+    return f
+
+
 cdef inline double number(const unsigned char* record, Py_ssize_t i, bint wide) noexcept nogil:
     """Return a record's i-th number. Records are aligned to 4 bytes, read buffers to a page."""
     if wide:

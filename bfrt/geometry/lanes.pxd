@@ -1,11 +1,11 @@
-"""One box against many lines, in vector lanes: what box.pxd's `grown_span` says of each.
+"""One box against many lines, in vector lanes: what box.pxd's `padded_span` says of each.
 
 The loop is C, for Cython has no way to ask for it in several instruction sets. The best that the
 processor has is picked when the module is loaded; all give the same bits, since each is the same
 IEEE operations in the same order, and never a fused one.
 """
 
-from bfrt.geometry.box cimport Grown
+from bfrt.geometry.box cimport PaddedBox
 
 cdef extern from *:
     """
@@ -72,6 +72,6 @@ cdef extern from *:
                                       const double* hi) noexcept nogil
 
 
-cdef inline void grown_lanes(Lanes* l, int n, const Grown* g) noexcept nogil:
+cdef inline void padded_lanes(Lanes* l, int n, const PaddedBox* g) noexcept nogil:
     """Set near and far of the first n lines, from their o and d."""
     lanes_span(l, n, &g.lo[0], &g.hi[0])

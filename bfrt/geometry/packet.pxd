@@ -12,7 +12,7 @@ promise of the same bits hold here too.
 from libc.math cimport INFINITY
 from libc.stdint cimport uint8_t
 
-from bfrt.geometry.box cimport HIGH, Grown
+from bfrt.geometry.box cimport HIGH, PaddedBox
 from bfrt.geometry.lanes cimport LANES  # and its BFRT_CLONES
 
 cdef extern from *:
@@ -84,22 +84,22 @@ cdef extern from *:
     /* Eight boxes as rays meet them. */
     typedef struct {
         double side[6][BFRT_BOXES];
-    } bfrt_grown_eight;
+    } bfrt_padded_eight;
 
     BFRT_CLONES
-    static void bfrt_eight_grow(const bfrt_eight *e, double grow, bfrt_grown_eight *g)
+    static void bfrt_eight_pad(const bfrt_eight *e, double padding, bfrt_padded_eight *g)
     {
         for (int k = 0; k < 3; k++)
             for (int i = 0; i < BFRT_BOXES; i++) {
-                g->side[k][i] = e->side[k][i] - grow;
-                g->side[3 + k][i] = e->side[3 + k][i] + grow;
+                g->side[k][i] = e->side[k][i] - padding;
+                g->side[3 + k][i] = e->side[3 + k][i] + padding;
             }
     }
 
     /* Where a line, from t = 0 on, is inside each of eight boxes that are not empty: near > far
        for nowhere. Returns, as bits, those that it comes into no later than at `reach`. */
     BFRT_CLONES
-    static unsigned bfrt_eight_span(const bfrt_grown_eight *g, const double *o, const double *d,
+    static unsigned bfrt_eight_span(const bfrt_padded_eight *g, const double *o, const double *d,
                                     double reach, double *inv, double *near, double *far)
     {
         uint8_t met[BFRT_BOXES];
@@ -143,11 +143,11 @@ cdef extern from *:
     void eight_union "bfrt_eight_union"(const BoxPacket* e, float* side) noexcept nogil
     void eight_below "bfrt_eight_below"(const double* x, float* below) noexcept nogil
 
-    ctypedef struct PaddedPacket "bfrt_grown_eight":
+    ctypedef struct PaddedPacket "bfrt_padded_eight":
         double side[6][8]
 
-    void eight_grow "bfrt_eight_grow"(
-        const BoxPacket* e, double grow, PaddedPacket* g
+    void eight_pad "bfrt_eight_pad"(
+        const BoxPacket* e, double padding, PaddedPacket* g
     ) noexcept nogil
     unsigned int eight_span "bfrt_eight_span"(
         const PaddedPacket* g, const double* o, const double* d, double reach, double* inv,
@@ -162,8 +162,8 @@ cdef inline void eight_clear(BoxPacket* e, int i) noexcept nogil:
         e.side[k][i], e.side[HIGH + k][i] = INFINITY, -INFINITY
 
 
-cdef inline void grown_at(const PaddedPacket* g, int i, Grown* one) noexcept nogil:
-    """Return box i of the eight grown boxes."""
+cdef inline void padded_at(const PaddedPacket* g, int i, PaddedBox* one) noexcept nogil:
+    """Return box i of the eight padded boxes."""
     cdef int k
     for k in range(3):
         one.lo[k] = g.side[k][i]

@@ -2,9 +2,10 @@
 
 from libc.stdint cimport uint32_t
 
-from bfrt.geometry.box cimport Box, Span
+from bfrt.geometry.box cimport HIGH, Box, Span
 from bfrt.geometry.cone cimport Cone, cone_bounds, cone_crossings, cone_hit, cone_load, cone_normal
 from bfrt.geometry.coordinates cimport Frame
+from bfrt.geometry.packet cimport BoxPacket, eight_clear, eight_end
 from bfrt.geometry.patch cimport Patch, patch_load, patch_normal
 from bfrt.geometry.polygon cimport (
     Polygon, polygon_bounds, polygon_crossed, polygon_hit, polygon_load,
@@ -75,6 +76,23 @@ cdef inline void shape_bounds(const Shape* s, Box* b) noexcept nogil:
         triangle_bounds(&s.of.patch.face, b)
     else:
         polygon_bounds(&s.of.polygon, b)
+
+
+cdef inline void shape_boxes(int kind, const unsigned char* records, size_t stride, const Frame* f,
+                             int n, BoxPacket* e) noexcept nogil:
+    """Compute the boxes of n records of one size, BOXES or fewer; empty ones of degenerate objects.
+    """
+    cdef Shape s
+    cdef Box b
+    cdef int i, k
+    for i in range(n):
+        if not shape_load(kind, records + i * stride, 0, f, &s):
+            eight_clear(e, i)
+            continue
+        shape_bounds(&s, &b)
+        for k in range(3):
+            e.side[k][i], e.side[HIGH + k][i] = b.lo[k], b.hi[k]
+    eight_end(e, n)
 
 
 cdef inline void meet(Hitter hit, const void* shape, BoxHit* meetings, int n) noexcept nogil:

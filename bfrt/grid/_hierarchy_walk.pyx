@@ -125,7 +125,7 @@ cdef class HierarchyWalk:
             self.read(k, &parent)
             self.boxes_read += 1
             if self.rays is not None:
-                near = rays_near(<const Box*>&parent, planes, self.rays)
+                near = rays_near(self.rays, planes, <const Box*>&parent)
             else:
                 near = box_near(<const Box*>&parent, planes, self.subspace)
             if not near:

@@ -8,4 +8,4 @@ cdef class Grid:
     cdef readonly object tables
     cdef readonly tuple shape
     cdef readonly tuple order
-    cdef readonly double grow
+    cdef readonly double padding

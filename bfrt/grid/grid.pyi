@@ -7,9 +7,9 @@ class Grid:
     tables: list[NDArray[np.float64]]
     shape: tuple[int, int, int]
     order: tuple[int, int, int]
-    grow: float
+    padding: float
     def __init__(
-        self, lo: ArrayLike, hi: ArrayLike, shape: Sequence[int], grow: float, axis: int = 2
+        self, lo: ArrayLike, hi: ArrayLike, shape: Sequence[int], padding: float, axis: int = 2
     ) -> None: ...
     @property
     def layered(self) -> tuple[int, int, int]: ...

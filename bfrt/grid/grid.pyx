@@ -19,16 +19,16 @@ cdef class Grid:
     ----------
     lo, hi : sequence of 3 float
         Bounds of the objects' boxes, relative to the store's origin. The grid reaches a little
-        further: over all boxes grown by 2 d (exactness rule 5).
+        further: over all boxes padded by 2 d (exactness rule 5).
     shape : tuple of 3 int
         Voxels on each axis.
-    grow : float
-        d, the length by which boxes grow when a ray meets them.
+    padding : float
+        d, the length by which boxes are padded when a ray meets them.
     axis : int
         Along which the grid is cut into slabs.
     """
 
-    def __cinit__(self, lo, hi, shape, double grow, int axis=2):
+    def __cinit__(self, lo, hi, shape, double padding, int axis=2):
         cdef const double[::1] planes
         cdef int k
         cdef double first, last
@@ -39,12 +39,12 @@ cdef class Grid:
             self.planes.order[j] = k
             self.planes.stride[k] = stride
             stride *= self.shape[k]
-        self.grow = grow
+        self.padding = padding
         self.tables = []
-        self.planes.grow = grow
+        self.planes.padding = padding
         for k in range(3):
-            first = lo[k] - 4.0 * grow
-            last = hi[k] + 4.0 * grow
+            first = lo[k] - 4.0 * padding
+            last = hi[k] + 4.0 * padding
             table = first + (last - first) * (np.arange(shape[k] + 1) / shape[k])
             table[shape[k]] = last
             table.flags.writeable = False
@@ -54,7 +54,7 @@ cdef class Grid:
             self.planes.plane[k] = &planes[0]
             self.planes.inverse[k] = shape[k] / (last - first)
             self.planes.slack[k] = shape[k] * 2.0**-48 + self.planes.inverse[k] * (
-                2.0 * grow + 2.0**-48 * (abs(first) + abs(last))
+                2.0 * padding + 2.0**-48 * (abs(first) + abs(last))
             )
 
     @property

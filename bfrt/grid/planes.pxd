@@ -32,7 +32,7 @@ cdef struct Planes:
     int64_t stride[3]       # of a voxel's number, an axis
     const double* plane[3]  # n + 1 of them an axis, ascending
     double inverse[3]       # voxels per length
-    double grow             # d, by which boxes grow when rays meet them
+    double padding             # d, by which boxes are padded when rays meet them
     double slack[3]         # voxels by which arithmetic may differ from the table, and 2d
 
 cdef struct Range:
@@ -84,11 +84,11 @@ cdef inline int located(const Planes* g, int k, double x) noexcept nogil:
 
 
 cdef inline void box_range(const Planes* g, const Box* b, Range* r) noexcept nogil:
-    """Find the voxels of the box grown by 2d (rule 3)."""
+    """Find the voxels of the box padded by 2d (rule 3)."""
     cdef int k
     for k in range(3):
-        r.lo[k] = located(g, k, b.lo[k] - 2.0 * g.grow)
-        r.hi[k] = located(g, k, b.hi[k] + 2.0 * g.grow)
+        r.lo[k] = located(g, k, b.lo[k] - 2.0 * g.padding)
+        r.hi[k] = located(g, k, b.hi[k] + 2.0 * g.padding)
 
 
 cdef inline int entered_by(const Range* r, int x, int y, int z) noexcept nogil:

@@ -13,12 +13,12 @@ cdef extern from *:
 
     /* Of a grid, for each side of the eight boxes. */
     typedef struct {
-        double grow[BFRT_SIDES];     /* twice d, outwards */
+        double padding[BFRT_SIDES];  /* twice d, outwards */
         double first[BFRT_SIDES];    /* the first plane */
         double inverse[BFRT_SIDES];
         double slack[BFRT_SIDES];
         double last[BFRT_SIDES];     /* the last voxel */
-    } bfrt_sides;
+    } bfrt_packet_planes;
 
     typedef struct {
         int side[6][BFRT_BOXES];
@@ -27,13 +27,13 @@ cdef extern from *:
     /* The voxel of each side; whether arithmetic may differ from the table for one. All sides are
        one loop, for gcc leaves nested ones as they are. */
     BFRT_CLONES
-    static int bfrt_eight_voxels(const bfrt_sides *s, const bfrt_eight *e, bfrt_voxels *v)
+    static int bfrt_eight_voxels(const bfrt_packet_planes *s, const bfrt_eight *e, bfrt_voxels *v)
     {
         const float *side = &e->side[0][0];
         int *voxel = &v->side[0][0];
         int differ = 0, empty = 0;
         for (int j = 0; j < BFRT_SIDES; j++) {
-            double guess = ((side[j] + s->grow[j]) - s->first[j]) * s->inverse[j];
+            double guess = ((side[j] + s->padding[j]) - s->first[j]) * s->inverse[j];
             double low = guess - s->slack[j], high = guess + s->slack[j];
             low = low > 0.0 ? low : 0.0;
             low = low < s->last[j] ? low : s->last[j];
@@ -78,8 +78,8 @@ cdef extern from *:
         }
     }
     """
-    ctypedef struct Sides "bfrt_sides":
-        double grow[48]
+    ctypedef struct PacketPlanes "bfrt_packet_planes":
+        double padding[48]
         double first[48]
         double inverse[48]
         double slack[48]
@@ -88,25 +88,25 @@ cdef extern from *:
     ctypedef struct Voxels "bfrt_voxels":
         int side[6][8]
 
-    bint voxels_unsure "bfrt_eight_voxels"(const Sides* s, const BoxPacket* e,
+    bint voxels_unsure "bfrt_eight_voxels"(const PacketPlanes* s, const BoxPacket* e,
                                            Voxels* v) noexcept nogil
     void entered "bfrt_entered"(const Voxels* v, int n, const int (*at)[3], const uint8_t* face,
                                 uint8_t* which) noexcept nogil
 
 
-cdef inline void sides_of(const Planes* g, Sides* s) noexcept nogil:
+cdef inline void packet_planes(const Planes* g, PacketPlanes* s) noexcept nogil:
     """Copy the grid's planes to the form that `eight_voxels` works with."""
     cdef int j, k
     for j in range(SIDES):
         k = j // BOXES % 3
-        s.grow[j] = (2.0 if j >= SIDES // 2 else -2.0) * g.grow
+        s.padding[j] = (2.0 if j >= SIDES // 2 else -2.0) * g.padding
         s.first[j] = g.plane[k][0]
         s.inverse[j] = g.inverse[k]
         s.slack[j] = g.slack[k]
         s.last[j] = g.n[k] - 1
 
 
-cdef inline void eight_voxels(const Planes* g, const Sides* s, const BoxPacket* e,
+cdef inline void eight_voxels(const Planes* g, const PacketPlanes* s, const BoxPacket* e,
                               Voxels* v) noexcept nogil:
     """Find the voxels of each box, as `box_range` does; an empty one gets a range without any."""
     cdef int i, k
@@ -114,7 +114,7 @@ cdef inline void eight_voxels(const Planes* g, const Sides* s, const BoxPacket* 
         for i in range(BOXES):
             if not eight_empty(e, i):
                 for k in range(6):
-                    v.side[k][i] = located(g, k % 3, e.side[k][i] + s.grow[BOXES * k])
+                    v.side[k][i] = located(g, k % 3, e.side[k][i] + s.padding[BOXES * k])
 
 
 cdef inline Range range_at(const Voxels* v, int i) noexcept nogil:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 import OpenEXR
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.streams.atomic_write import FULL, atomic_path, refused
+from bfrt.streams.atomic_write import DISK_FULL, atomic_path, refused
 
 Band = Mapping[str, npt.NDArray[Any]]
 
@@ -186,5 +186,7 @@ def _check_end(temporary: Path, channel: str, height: int, path: str | os.PathLi
 
 def _translated(error: OSError, temporary: Path, path: str | os.PathLike[str]) -> StreamError:
     """Return OpenEXR's error as ours: it has no number, only the system's words inside its own."""
-    number = next((n for n in (*FULL, *errno.errorcode) if os.strerror(n) in str(error)), errno.EIO)
+    number = next(
+        (n for n in (*DISK_FULL, *errno.errorcode) if os.strerror(n) in str(error)), errno.EIO
+    )
     return refused(path, temporary.stat().st_size, OSError(number, str(error)), "writing")

@@ -154,8 +154,8 @@ class Image:
         return b"".join(encode_png(self.width, self.height, self._bands()))
 
     def __repr__(self) -> str:
-        said = "".join(f", {key}={text!r}" for key, text in self.metadata.items())
-        return f"<bfrt.Image {self.width} x {self.height}, {' '.join(self.channels)}{said}>"
+        metadata = "".join(f", {key}={text!r}" for key, text in self.metadata.items())
+        return f"<bfrt.Image {self.width} x {self.height}, {' '.join(self.channels)}{metadata}>"
 
 
 def _check_channels(channels: Mapping[str, npt.NDArray[Any]]) -> None:

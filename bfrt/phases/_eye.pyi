@@ -3,13 +3,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-def eye_rays(
-    first: int,
-    out: NDArray[Any],
-    view: NDArray[np.float64],
-    width: int,
-    height: int,
-    samples: int,
-    turn: int,
-    bounds: NDArray[np.float64],
-) -> None: ...
+class EyeRayGenerator:
+    def __init__(
+        self,
+        view: NDArray[np.float64],
+        width: int,
+        height: int,
+        samples: int,
+        turn: int,
+        bounds: NDArray[np.float64],
+    ) -> None: ...
+    def generate(self, first: int, out: NDArray[Any]) -> None: ...

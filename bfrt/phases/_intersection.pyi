@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -6,16 +5,12 @@ from numpy.typing import NDArray
 
 from bfrt.grid.grid import Grid
 from bfrt.grid.voxel_rays import VoxelRays
+from bfrt.phases.crossings import CrossingBuffer
 from bfrt.scan.scan import StreamScan
 
 class Intersector:
     def __init__(self, grid: Grid, voxel_rays: VoxelRays) -> None: ...
-    def begin(
-        self,
-        rays: NDArray[Any],
-        crossings: NDArray[Any] | None = None,
-        emit: Callable[[int], None] | None = None,
-    ) -> None: ...
+    def begin(self, rays: NDArray[Any], crossings: CrossingBuffer | None = None) -> None: ...
     def meet(
         self,
         scan: StreamScan,

@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint8_t
 
 from bfrt.geometry.box cimport Box
-from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, range_at, sides_of
+from bfrt.grid.regions cimport PacketPlanes, Voxels, eight_voxels, packet_planes, range_at
 from bfrt.geometry.packet cimport eight_empty
 from bfrt.geometry.box cimport HIGH, LOW
 from bfrt.grid.planes cimport START, Planes, Range, entered_by
@@ -100,12 +100,12 @@ def mark(StreamScan scan, const int64_t[:, ::1] ranges, const float[:, ::1] pare
     cdef Voxels voxels
     cdef const Box* parent = NULL
     cdef Range region
-    cdef Sides sides
+    cdef PacketPlanes planes
     cdef int i, n
     cdef int64_t k
     if b.coded and parents is None:
         raise ValueError("quantised boxes: found no boxes around them")
-    sides_of(&grid.planes, &sides)
+    packet_planes(&grid.planes, &planes)
     with nogil:
         for k in range(ranges.shape[0]):
             if b.coded:
@@ -114,7 +114,7 @@ def mark(StreamScan scan, const int64_t[:, ::1] ranges, const float[:, ::1] pare
             while b.index < ranges[k, 1]:
                 n = next_block(scan, ranges[k, 1] - b.index)
                 decode(b, n)
-                eight_voxels(&grid.planes, &sides, &b.eight, &voxels)
+                eight_voxels(&grid.planes, &planes, &b.eight, &voxels)
                 for i in range(n):
                     if not eight_empty(&b.eight, i):
                         region = range_at(&voxels, i)

@@ -1,10 +1,10 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.image.film import Film
+from bfrt.phases.lighting import Lighting
 from bfrt.scan.scan import StreamScan
 
 class Shader:
@@ -14,14 +14,13 @@ class Shader:
     def __init__(
         self,
         palette: NDArray[Any],
-        lights: NDArray[np.float64],
-        ambient: float,
+        lighting: Lighting,
         eye: ArrayLike,
         origin: ArrayLike,
         film: Film,
-        out: NDArray[Any],
-        emit: Callable[[NDArray[Any]], None],
+        room: int,
     ) -> None: ...
-    def shade(self, scan: StreamScan, n: int, hits: NDArray[Any], last: bool) -> None: ...
-    def shade_picked(self, scan: StreamScan, hits: NDArray[Any], last: bool) -> None: ...
+    def begin(self, emit: Callable[[NDArray[Any]], None], last: bool) -> None: ...
+    def shade(self, scan: StreamScan, n: int, hits: NDArray[Any]) -> None: ...
+    def shade_picked(self, scan: StreamScan, hits: NDArray[Any]) -> None: ...
     def flush(self) -> None: ...

@@ -4,7 +4,6 @@ cimport cython
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
 
-from bfrt.errors import StoreError
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.power cimport power
 from bfrt.geometry.shape cimport Shape, Surface, shape_bounds, shape_load, shape_surface
@@ -19,9 +18,29 @@ from bfrt.scan.geometry cimport GeometryCursor, next_records, pick_record, verti
 from bfrt.scan.materials cimport MaterialCursor, next_material, pick_material
 from bfrt.scan.scan cimport StreamScan
 
+import numpy as np
+
+from bfrt.errors import StoreError
+from bfrt.records import QUEUED
+
 cdef struct Bent:
     bint total   # total internal reflection: there is no refracted ray
     Vec d
+
+# An object that is shaded.
+cdef struct Shaded:
+    Shape shape
+    Box box
+    const Material* material
+
+# A hit and the surface there, its normals turned to the ray.
+cdef struct Interaction:
+    const Hit* hit
+    const Material* material
+    Surface surface
+    Vec d          # the ray's direction, a unit vector
+    Vec offset     # from the place to where new rays begin on the ray's side
+    bint outside   # whether that is the side of the object's own normal
 
 
 cdef inline void put(float* out, Vec v) noexcept nogil:
@@ -65,19 +84,14 @@ cdef class Shader:
     Parameters
     ----------
     palette : (materials,) records.MATERIAL
-    lights : (lights, 6) float64
-        Position relative to the store's origin, and color times intensity.
-    ambient : float
-        Intensity of the ambient light.
+    lighting : bfrt.phases.lighting.Lighting
     eye : (3,) float64
         Where Z is measured from, relative to the store's origin.
     origin : (3,) float64
         The store's, in world coordinates: those of P.
     film : Film
-    out : (room,) records.QUEUED
-        A buffer; at least lights + 2.
-    emit : callable
-        Called with a part of `out` when it is full; must copy.
+    room : int
+        Rays that are gathered: at least lights + 2.
     """
 
     cdef const Material[::1] palette
@@ -89,34 +103,47 @@ cdef class Shader:
     cdef Queued[::1] out
     cdef object rays
     cdef object emit
+    cdef bint last
     cdef int64_t waiting
     cdef readonly int64_t reflection
     cdef readonly int64_t refraction
     cdef readonly int64_t shadow
 
-    def __cinit__(self, const Material[::1] palette, const double[:, ::1] lights, double ambient,
-                  eye, origin, Film film, out, emit):
+    def __cinit__(self, const Material[::1] palette, lighting, eye, origin, Film film,
+                  int64_t room):
         self.palette = palette
-        self.lights = lights
-        self.ambient = ambient
+        self.lights = lighting.lights
+        self.ambient = lighting.ambient
         self.eye = vec(eye[0], eye[1], eye[2])
         self.origin = vec(origin[0], origin[1], origin[2])
         self.film = film
-        self.out = self.rays = out
-        self.emit = emit
+        self.out = self.rays = np.empty(room, QUEUED)
 
-    def shade(self, StreamScan scan, int64_t n, const Hit[::1] hits, bint last):
+    def begin(self, emit, bint last):
+        """Begin with the hits of a depth, of whose rays none is counted yet.
+
+        Parameters
+        ----------
+        emit : callable
+            Called with rays, (n,) of records.QUEUED; must copy.
+        last : bool
+            The maximum depth is reached: shadow rays only.
+        """
+        self.emit = emit
+        self.last = last
+        self.reflection = self.refraction = self.shadow = 0
+
+    def shade(self, StreamScan scan, int64_t n, const Hit[::1] hits):
         """Shade the hits of the next n objects of a scan, all of which are read.
 
         Parameters
         ----------
         hits : (hits,) records.HIT
             IN. Ascending by id, all among those objects.
-        last : bool
-            The maximum depth is reached: shadow rays only.
         """
         cdef GeometryCursor g = scan.geometry
         cdef MaterialCursor m = scan.materials
+        cdef Shaded shaded
         cdef int64_t at = 0, left = n
         cdef uint64_t id = (<uint64_t>scan.number << INDEX_BITS) + <uint64_t>g.index
         cdef uint32_t material
@@ -128,16 +155,17 @@ cdef class Shader:
                 for i in range(block):
                     material = next_material(m)
                     if at < hits.shape[0] and hits[at].id == id:
-                        at += self.shade_object(
-                            g, g.block + i * g.stride, vertices_in(g, i), material, &hits[at],
-                            hits.shape[0] - at, last,
+                        self.load(
+                            g, g.block + i * g.stride, vertices_in(g, i), material, &shaded
                         )
+                        at += self.shade_object(&shaded, &hits[at], hits.shape[0] - at)
                     id += 1
 
-    def shade_picked(self, StreamScan scan, const Hit[::1] hits, bint last):
+    def shade_picked(self, StreamScan scan, const Hit[::1] hits):
         """Shade hits on the objects that the scan picks: only those are read."""
         cdef GeometryCursor g = scan.geometry
         cdef MaterialCursor m = scan.materials
+        cdef Shaded shaded
         cdef const unsigned char* record
         cdef uint32_t material
         cdef int64_t at = 0
@@ -145,30 +173,32 @@ cdef class Shader:
             while at < hits.shape[0]:
                 material = pick_material(m)
                 record = pick_record(g)
-                at += self.shade_object(
-                    g, record, g.count, material, &hits[at], hits.shape[0] - at, last
-                )
+                self.load(g, record, g.count, material, &shaded)
+                at += self.shade_object(&shaded, &hits[at], hits.shape[0] - at)
 
-    cdef int64_t shade_object(self, GeometryCursor g, const unsigned char* record, uint32_t count,
-                              uint32_t material, const Hit* hits, int64_t n,
-                              bint last) except -1 nogil:
-        """Shade the first of `hits`, all hits of one object; return how many."""
-        cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
-        cdef Shape shape
-        cdef Box box
+    cdef int load(self, GeometryCursor g, const unsigned char* record, uint32_t count,
+                  uint32_t material, Shaded* shaded) except -1 nogil:
+        """Work out an object from its record, of `count` vertices (polygons only)."""
         if material >= self.palette.shape[0]:
             with gil:
                 raise StoreError(
                     f"{g.reader.file.path}: found material {material}, "
                     f"expected one of {len(self.palette)}"
                 )
-        shape_load(g.kind, record, count, &g.frame, &shape)
-        shape_bounds(&shape, &box)
+        shaded.material = &self.palette[material]
+        shape_load(g.kind, record, count, &g.frame, &shaded.shape)
+        shape_bounds(&shaded.shape, &shaded.box)
+        return 0
+
+    cdef int64_t shade_object(self, const Shaded* shaded, const Hit* hits,
+                              int64_t n) except -1 nogil:
+        """Shade the first of `hits`, all hits of one object; return how many."""
+        cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
         while at < n and hits[at].id == hits[0].id:
             if self.waiting > room:
                 with gil:
                     self.flush()
-            self.shade_hit(&hits[at], &shape, &box, &self.palette[material], last)
+            self.shade_hit(&hits[at], shaded)
             at += 1
         return at
 
@@ -178,37 +208,41 @@ cdef class Shader:
             self.emit(self.rays[:self.waiting])
             self.waiting = 0
 
-    cdef void shade_hit(self, const Hit* h, const Shape* shape, const Box* box,
-                        const Material* m, bint last) noexcept nogil:
+    cdef void shade_hit(self, const Hit* h, const Shaded* shaded) noexcept nogil:
+        cdef const Material* m = shaded.material
         cdef Line l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
-        cdef Vec d = unit(l.d)
-        cdef Vec p, offset, seen
-        cdef Surface s
-        cdef bint outside
+        cdef Interaction i
+        cdef Surface* s = &i.surface
+        cdef Vec own
         cdef int64_t k
-        shape_surface(shape, &l, h.t, &s)
-        p, seen = s.place, s.shading
+        i.hit, i.material = h, m
+        i.d = unit(l.d)
+        shape_surface(&shaded.shape, &l, h.t, s)
+        own = s.shading
         # Two-sided: both normals are turned to the ray, the shading one to the other's side.
-        outside = dot(s.geometric, d) < 0.0
-        if not outside:
+        i.outside = dot(s.geometric, i.d) < 0.0
+        if not i.outside:
             s.geometric = scale(s.geometric, -1.0)
         if dot(s.shading, s.geometric) < 0.0:
             s.shading = scale(s.shading, -1.0)
         if h.kind == EYE:
-            self.see(h, p, seen, m)
+            self.see(&i, own)
         film_add(
             self.film, h.pixel, self.ambient * m.kd * m.red * h.red,
             self.ambient * m.kd * m.green * h.green, self.ambient * m.kd * m.blue * h.blue,
             h.kind == EYE,
         )
-        offset = scale(s.geometric, hit_error(&l, h.t, p, box))
+        i.offset = scale(s.geometric, hit_error(&l, h.t, s.place, &shaded.box))
         for k in range(self.lights.shape[0]):
-            self.light(h, &s, d, offset, m, &self.lights[k, 0])
-        if not last and (m.ks > 0.0 or m.transmittance > 0.0):
-            self.go_on(h, &s, d, p, offset, m, outside)
+            self.light(&i, &self.lights[k, 0])
+        if not self.last and (m.ks > 0.0 or m.transmittance > 0.0):
+            self.go_on(&i)
 
-    cdef void see(self, const Hit* h, Vec p, Vec n, const Material* m) noexcept nogil:
-        """Store depth, normal, id and channels on request, if the hit is of sample 0."""
+    cdef void see(self, const Interaction* i, Vec n) noexcept nogil:
+        """Store depth, normal n, id and channels on request, if the hit is of sample 0."""
+        cdef const Hit* h = i.hit
+        cdef const Material* m = i.material
+        cdef Vec p = i.surface.place
         cdef int64_t element = h.pixel - self.film.first
         cdef float* seen = &self.film.depth_normal[element, 0]
         if h.sample:
@@ -221,63 +255,65 @@ cdef class Shader:
         if self.film.albedos.shape[0]:
             put(&self.film.albedos[element, 0], vec(m.red, m.green, m.blue))
 
-    cdef void light(self, const Hit* h, const Surface* s, Vec d, Vec offset, const Material* m,
-                    const double* light) noexcept nogil:
+    cdef void light(self, const Interaction* i, const double* light) noexcept nogil:
         """Send a shadow ray that carries what the light adds: Lambert and Phong.
 
         There is none where the surface faces away from the light (SPD's rule 10). The light is
         that of the place itself: only the shadow ray begins beside it.
         """
+        cdef const Hit* h = i.hit
+        cdef const Material* m = i.material
+        cdef const Surface* s = &i.surface
         cdef Vec lamp = vec(light[0], light[1], light[2])
         cdef Vec way = sub(lamp, s.place)
-        cdef Vec o = add(s.place, offset)
-        cdef Vec to
-        cdef double diffuse, specular
+        cdef Vec o = add(s.place, i.offset)
+        cdef Vec to, color
+        cdef double diffuse, specular = 0.0
         if not (dot(way, s.geometric) > 0.0 and dot(way, s.shading) > 0.0):
             return
         to = unit(way)
         diffuse = m.kd * dot(to, s.shading)
-        specular = m.ks * power(dot(reflected(d, s.shading), to), m.shine) if m.ks > 0.0 else 0.0
-        self.send(
-            SHADOW, h, o, sub(lamp, o),
+        if m.ks > 0.0:
+            specular = m.ks * power(dot(reflected(i.d, s.shading), to), m.shine)
+        color = vec(
             light[3] * (diffuse * m.red + specular) * h.red,
             light[4] * (diffuse * m.green + specular) * h.green,
             light[5] * (diffuse * m.blue + specular) * h.blue,
         )
+        self.send(SHADOW, h, o, sub(lamp, o), color)
         self.shadow += 1
 
-    cdef void go_on(self, const Hit* h, const Surface* s, Vec d, Vec p, Vec offset,
-                    const Material* m, bint outside) noexcept nogil:
+    cdef void go_on(self, const Interaction* i) noexcept nogil:
         """Send a reflection ray, and where light passes a refraction ray (SPD's rules 8 and 9)."""
-        cdef Vec r = reflected(d, s.shading)
+        cdef const Material* m = i.material
+        cdef const Surface* s = &i.surface
+        cdef Vec light = vec(i.hit.red, i.hit.green, i.hit.blue)
+        cdef Vec r = reflected(i.d, s.shading)
         cdef double weight = m.ks
         cdef double ior = m.ior if m.ior > 0.0 else 1.0
-        cdef double eta = 1.0 / ior if outside else ior
+        cdef double eta = 1.0 / ior if i.outside else ior
         cdef Bent b
         if m.transmittance > 0.0:
-            b = refracted(d, s.shading, eta)
+            b = refracted(i.d, s.shading, eta)
             if not b.total and dot(b.d, s.geometric) >= 0.0:  # it would come out on the ray's side
-                b = refracted(d, s.geometric, eta)
+                b = refracted(i.d, s.geometric, eta)
             if b.total:
                 weight += m.transmittance
             else:
                 self.send(
-                    REFRACTION, h, sub(p, offset), b.d, m.transmittance * h.red,
-                    m.transmittance * h.green, m.transmittance * h.blue,
+                    REFRACTION, i.hit, sub(s.place, i.offset), b.d, scale(light, m.transmittance)
                 )
                 self.refraction += 1
         if dot(r, s.geometric) <= 0.0:  # an interpolated normal would send it into the surface
-            r = reflected(d, s.geometric)
-        self.send(
-            REFLECTION, h, add(p, offset), r, weight * h.red, weight * h.green, weight * h.blue
-        )
+            r = reflected(i.d, s.geometric)
+        self.send(REFLECTION, i.hit, add(s.place, i.offset), r, scale(light, weight))
         self.reflection += 1
 
-    cdef void send(self, uint16_t kind, const Hit* h, Vec o, Vec d, double red, double green,
-                   double blue) noexcept nogil:
+    cdef void send(self, uint16_t kind, const Hit* h, Vec o, Vec d, Vec color) noexcept nogil:
+        """Send a ray on from a hit."""
         cdef Queued* q = &self.out[self.waiting]
         q.ox, q.oy, q.oz = o.x, o.y, o.z
         q.dx, q.dy, q.dz = d.x, d.y, d.z
         q.pixel, q.sample, q.kind, q.power = h.pixel, h.sample, kind, 0
-        q.red, q.green, q.blue = <float>red, <float>green, <float>blue
+        q.red, q.green, q.blue = <float>color.x, <float>color.y, <float>color.z
         self.waiting += 1

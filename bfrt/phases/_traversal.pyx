@@ -1,22 +1,21 @@
-"""The walks: a ray's candidate voxels, and the sentinel where its next pass begins."""
+"""The ray pool: the memory of rays in flight, and the loops that admit, walk and retire them."""
 
 cimport cython
 from libc.math cimport INFINITY
-from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memmove
 
-from bfrt.grid.bricks cimport BRICK_SHIFT, CUBE_SHIFT, DARK, DARK_SHIFT, EMPTY_CUBE
-from bfrt.grid.planes cimport NOWHERE, START
-from bfrt.grid.walk cimport Walk, voxel_enter, walk_leave, walk_resume, walk_start, walk_step
-from bfrt.grid.grid cimport Grid
 from bfrt.geometry.vector cimport Line
+from bfrt.grid.grid cimport Grid
+from bfrt.grid.planes cimport NOWHERE
+from bfrt.grid.slabs cimport Slab, Slabs
+from bfrt.grid.voxel_rays cimport VoxelRays
+from bfrt.grid.walk cimport Walk, voxel_enter, walk_resume, walk_start
 from bfrt.image.film cimport Film, film_add
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.phases.outliers cimport Outliers, meet_outliers
-from bfrt.grid.slabs cimport Slab, Slabs, brick_at, mark_at
-from bfrt.grid.voxel_rays cimport VoxelRays, entry_of, voxel_of
+from bfrt.phases.slab_walk cimport UNSEEN, Outgoing, flush, slab_of, walk_ray
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
-from bfrt.streams.atomic cimport atomic_fetch_add
 
 import numpy as np
 
@@ -29,46 +28,11 @@ cdef extern from *:
     """
     const double LIGHT "BFRT_LIGHT"
 
-# What is known of the voxel where a ray's walk is.
-cdef enum:
-    CANDIDATE = 0  # it is a candidate: the next that is taken
-    UNSEEN = 1     # its marks have not been looked at
-
 cdef enum:
     NO_SLAB = 1 << 30  # farther than any
 
 #: A ray's memory, in candidates'.
 RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
-
-cdef enum:
-    GATHERED = 128  # candidates that a thread puts into memory together
-
-# Candidates on their way from one thread into memory that all share.
-cdef struct Outgoing:
-    uint64_t entries[GATHERED]
-    int n
-    uint64_t* slots
-    int64_t* used
-
-
-cdef inline void flush(Outgoing* out) noexcept nogil:
-    cdef int64_t at = atomic_fetch_add(out.used, out.n)
-    memcpy(&out.slots[at], &out.entries[0], out.n * sizeof(uint64_t))
-    out.n = 0
-
-
-cdef inline void put(Outgoing* out, uint64_t entry) noexcept nogil:
-    out.entries[out.n] = entry
-    out.n += 1
-    if out.n == GATHERED:
-        flush(out)
-
-
-cdef inline bint walk_on(int32_t brick, uint8_t mark, Walk* w) noexcept nogil:
-    """Step to the next voxel, or out of a cube without marks; false where the grid ends."""
-    if brick >= 0:
-        return walk_leave(w, DARK_SHIFT) if mark & DARK else walk_step(w)
-    return walk_leave(w, CUBE_SHIFT if brick == EMPTY_CUBE else BRICK_SHIFT)
 
 
 cdef inline void take_over(Ray* r, Path* p, const double* line,
@@ -94,15 +58,10 @@ cdef inline void come_in(Ray* r, Grid grid, Outliers outliers, int64_t* box_test
     cdef Line line = ray_line(r)
     cdef Walk w
     if outliers is not None:
-        meet_outliers(outliers, r, &line, grid.grow, box_tests, object_tests)
+        meet_outliers(outliers, r, &line, grid.padding, box_tests, object_tests)
     if walk_start(&w, &grid.planes, &line) and w.enter <= r.t:
         r.voxel = w.voxel
         r.face = <uint8_t>w.face
-
-
-cdef inline int slab_of(const Slab* s, const Ray* r) noexcept nogil:
-    """Return the slab that a ray's voxel is in."""
-    return s.slab_of[r.voxel // <uint32_t>s.planes.stride[s.axis] >> BRICK_SHIFT]
 
 
 cdef inline bint descends(const Slab* s, const Ray* r) noexcept nogil:
@@ -114,43 +73,6 @@ cdef inline int part_of(const Slab* s, const Ray* r, int slabs) noexcept nogil:
     """Return a ray's place in the order of walks through the slabs: up first, then down."""
     cdef int slab = slab_of(s, r)
     return 2 * slabs - 1 - slab if descends(s, r) else slab
-
-
-cdef int64_t walk_ray(const Slab* s, Walk* w, Ray* r, uint32_t ray, uint32_t* left, VoxelRays v,
-                      Outgoing* out) noexcept nogil:
-    """Walk through the slab, until the sentinel is found; return the voxels stepped to.
-
-    A ray that comes into a brick of another slab has that voxel as its state, unseen. Bricks that
-    are not there have no slab.
-    """
-    cdef int64_t steps = 0
-    cdef bint candidate = r.state == CANDIDATE
-    cdef int32_t brick
-    cdef uint8_t mark
-    r.state = CANDIDATE
-    while True:
-        brick = brick_at(s, &w.at[0])
-        if brick >= 0:
-            if s.slab_of[w.at[s.axis] >> BRICK_SHIFT] != s.number:
-                r.voxel, r.face = w.voxel, <uint8_t>w.face
-                r.state = UNSEEN
-                return steps
-            mark = mark_at(s, brick, &w.at[0])
-        else:
-            mark = 0
-        if not candidate:
-            steps += 1
-            candidate = w.face == START or mark >> w.face & 1
-        if candidate:
-            if left[0] == 0:
-                r.voxel, r.face = w.voxel, <uint8_t>w.face
-                return steps
-            left[0] -= 1
-            put(out, entry_of(voxel_of(v, &w.at[0]), ray, w.face))
-            candidate = False
-        if not walk_on(brick, mark, w) or w.enter > r.t:
-            r.voxel = NOWHERE
-            return steps
 
 
 cdef inline bint complete(const Ray* r, Grid grid) noexcept nogil:
@@ -264,7 +186,7 @@ cdef class RayPool:
         first, last : int
             The part of `queued` to do.
         outliers : Outliers or None
-            None where all hits are wanted, which `cross_outliers` finds.
+            None where all hits are wanted, which `Outliers.cross` finds.
 
         Returns
         -------
@@ -389,7 +311,8 @@ cdef class RayPool:
                 if slab_of(s, r) == s.number:
                     line = ray_line(r)
                     walk_resume(&w, s.planes, &line, r.voxel, r.face)
-                    steps += walk_ray(s, &w, r, ray, &self.left[ray], voxel_rays, &out)
+                    out.ray, out.left = ray, &self.left[ray]
+                    steps += walk_ray(s, &w, r, voxel_rays, &out)
                     if r.voxel == NOWHERE or slab_of(s, r) == s.number:
                         continue
                 self.order[leaving] = ray

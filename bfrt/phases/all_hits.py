@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import CROSSING, LINE, QUERY_PATH, QUERY_RAY, RAY, plain
+from bfrt.phases.crossings import CrossingBuffer
+from bfrt.records import LINE, QUERY_PATH, QUERY_RAY, RAY, plain
 
-#: AllHits that a thread gathers before it hands them over.
+#: Crossings that a thread gathers before it hands them over.
 ROOM = 4096
 
 #: A query's ray by what is copied at once.
@@ -29,8 +30,6 @@ LINE_OF_RAY = np.dtype(
     {"names": ["line"], "formats": [f"V{LINE.itemsize}"], "itemsize": RAY.itemsize}
 )
 
-Buffer = tuple[NDArray[Any], Callable[[int], None]]
-
 
 class AllHits:
     """Takes all hits of the rays in flight, in place of the nearest of each.
@@ -46,15 +45,14 @@ class AllHits:
         self._take = take
         self._counting = threading.Lock()
 
-    def fly(self, rays: NDArray[Any], paths: NDArray[Any]) -> None:
-        """Know the rays in flight, (capacity,) of records.RAY and records.PATH."""
+    def attach(self, rays: NDArray[Any], paths: NDArray[Any]) -> None:
+        """Take the memory of the rays in flight, (capacity,) of records.RAY and records.PATH."""
         self._lines = rays.view(LINE_OF_RAY)["line"]
         self._paths = paths.view(QUERY_PATH)
 
-    def buffer(self) -> Buffer:
-        """Return a buffer for one thread's crossings, and the function to call when it is full."""
-        found = np.empty(ROOM, CROSSING)
-        return found, lambda n: self._hand_over(found[:n])
+    def buffer(self) -> CrossingBuffer:
+        """Return a buffer for one thread's crossings."""
+        return CrossingBuffer(ROOM, self._hand_over)
 
     def _hand_over(self, found: NDArray[Any]) -> None:
         rays = found["ray"]
@@ -62,9 +60,9 @@ class AllHits:
             with self._counting:
                 np.add.at(self._paths["count"], rays, 1)
             return
-        asked = np.empty(len(found), PARTS)
-        asked["line"] = self._lines[rays]
-        asked["t"] = found["t"]
-        asked["id"] = found["id"]
-        asked["path"] = plain(self._paths)[rays]
-        self._take(asked.view(QUERY_RAY))
+        queried = np.empty(len(found), PARTS)
+        queried["line"] = self._lines[rays]
+        queried["t"] = found["t"]
+        queried["id"] = found["id"]
+        queried["path"] = plain(self._paths)[rays]
+        self._take(queried.view(QUERY_RAY))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.phases._eye import eye_rays
+from bfrt.phases._eye import EyeRayGenerator
 from bfrt.records import QUEUED
 from bfrt.store.model import Camera, cross
 from bfrt.store.store import Store
@@ -41,16 +41,19 @@ class EyeRays:
         first: int = 0,
         last: int | None = None,
     ) -> None:
-        self._width, self._height = camera.resolution
-        self._samples = samples
-        self._view = view_vectors(camera, store.origin)
-        self._turn = coprime_turn(samples)
+        width, height = camera.resolution
         empty = store.bounds.empty
-        bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
-        self._bounds = bounds
+        self._generator = EyeRayGenerator(
+            view_vectors(camera, store.origin),
+            width,
+            height,
+            samples,
+            coprime_turn(samples),
+            np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi]),
+        )
         each = max(1, samples)
         self._taken = first * each
-        whole = count_eye_rays(self._width, self._height, samples)
+        whole = count_eye_rays(width, height, samples)
         self._total = whole if last is None else last * each
 
     def __len__(self) -> int:
@@ -59,16 +62,7 @@ class EyeRays:
     def read(self, most: int) -> NDArray[Any]:
         """Return the next rays, (n,) of records.QUEUED with n <= most."""
         rays = np.empty(min(most, len(self)), QUEUED)
-        eye_rays(
-            self._taken,
-            rays,
-            self._view,
-            self._width,
-            self._height,
-            self._samples,
-            self._turn,
-            self._bounds,
-        )
+        self._generator.generate(self._taken, rays)
         self._taken += len(rays)
         return rays
 

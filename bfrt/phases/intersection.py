@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from bfrt.grid.selection import Selection
 from bfrt.phases._intersection import Intersector
-from bfrt.phases.traversal import Flight
+from bfrt.phases.traversal import Traversal
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import FEWEST, Chunk
@@ -22,7 +22,7 @@ from bfrt.workers import Workers, worth_handing
 def intersect_all(
     scans: GroupScans,
     selection: Selection,
-    flight: Flight,
+    traversal: Traversal,
     intersectors: list[Intersector],
     workers: Workers,
     counters: Counters,
@@ -35,15 +35,15 @@ def intersect_all(
         Objects swept.
     """
     for intersector in intersectors:
-        flight.hand(intersector)
+        traversal.begin_pass(intersector)
 
     def meet(worker: int, chunk: Chunk) -> None:
         intersectors[worker].meet(*chunk)
 
     swept = 0
     for stream in scans.streams:
-        fewest = max(FEWEST, worth_handing(stream.count, flight.pool.stored))
-        source = selection.near(stream, flight.grid, flight.voxel_rays, fewest)
+        fewest = max(FEWEST, worth_handing(stream.count, traversal.pool.stored))
+        source = selection.near(stream, traversal.grid, traversal.voxel_rays, fewest)
         workers.drain(source, meet, finisher(intersectors, scans.of(stream)))
         swept += source.swept
     phase = counters.phases.intersection

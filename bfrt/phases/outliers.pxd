@@ -20,7 +20,7 @@ cdef class Outliers:
     cdef list records  # what the shapes point into
 
 
-cdef inline void meet_outliers(Outliers self, Ray* ray, const Line* line, double grow,
+cdef inline void meet_outliers(Outliers self, Ray* ray, const Line* line, double padding,
                                int64_t* box_tests, int64_t* object_tests) noexcept nogil:
     """Test a ray against each of them."""
     cdef BoxHit m
@@ -28,7 +28,7 @@ cdef inline void meet_outliers(Outliers self, Ray* ray, const Line* line, double
     m.line = line[0]
     for i in range(self.count):
         box_tests[0] += 1
-        if not box_span(&self.outliers[i].box, grow, line, &m.span) or m.span.near > ray.t:
+        if not box_span(&self.outliers[i].box, padding, line, &m.span) or m.span.near > ray.t:
             continue
         object_tests[0] += 1
         shape_meet(&self.outliers[i].shape, &m, 1)

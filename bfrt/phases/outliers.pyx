@@ -11,9 +11,9 @@ from libc.stdint cimport int64_t, uint32_t
 
 from bfrt.geometry.box cimport box_span
 from bfrt.geometry.shape cimport BoxHit, shape_bounds, shape_load
-from bfrt.phases.all_hits cimport Found, cross, hand_over
+from bfrt.phases.crossings cimport CrossingBuffer, cross, hand_over
 from bfrt.phases.nearest cimport ray_bad, ray_line
-from bfrt.records cimport Crossing, Ray
+from bfrt.records cimport Ray
 from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
 from bfrt.ids import index_of, stream_of
 from bfrt.scan.files import StreamFiles
@@ -63,42 +63,38 @@ cdef class Outliers:
     def __dealloc__(self):
         PyMem_RawFree(self.outliers)
 
+    def cross(self, const Ray[::1] rays, int64_t first, int64_t last, double padding,
+              CrossingBuffer crossings not None):
+        """Find where rays cross outliers: all hits, not only the nearest.
 
-def cross_outliers(Outliers outliers, const Ray[::1] rays, int64_t first, int64_t last,
-                   double grow, Crossing[::1] crossings, emit):
-    """Find where rays cross outliers: all hits, not only the nearest.
+        Parameters
+        ----------
+        rays : (n,) records.RAY
+            IN. Rays [first, last) are tested.
+        padding : float
+            d, by which boxes are padded (docs/algorithm.rst, Exactness).
+        crossings : CrossingBuffer
+            OUT. Handed over at the end.
 
-    Parameters
-    ----------
-    rays : (n,) records.RAY
-        IN. Rays [first, last) are tested.
-    grow : float
-        d, by which boxes grow (docs/algorithm.rst, Exactness).
-    crossings, emit
-        As for `Intersector.begin`.
-
-    Returns
-    -------
-    box_tests, object_tests : int
-    """
-    cdef Found found
-    cdef BoxHit m
-    cdef const Outlier* out
-    cdef int64_t i, box_tests = 0, object_tests = 0
-    cdef int k
-    found.crossings, found.n, found.room = &crossings[0], 0, crossings.shape[0]
-    found.emit = <void*>emit
-    with nogil:
-        for i in range(first, last):
-            if ray_bad(&rays[i]):
-                continue
-            m.line = ray_line(&rays[i])
-            m.mark = <uint32_t>i
-            for k in range(outliers.count):
-                out = &outliers.outliers[k]
-                box_tests += 1
-                if box_span(&out.box, grow, &m.line, &m.span):
-                    object_tests += 1
-                    cross(&found, &out.shape, &m, rays[i].t, out.id)
-        hand_over(&found)
-    return box_tests, object_tests
+        Returns
+        -------
+        box_tests, object_tests : int
+        """
+        cdef BoxHit m
+        cdef const Outlier* out
+        cdef int64_t i, box_tests = 0, object_tests = 0
+        cdef int k
+        with nogil:
+            for i in range(first, last):
+                if ray_bad(&rays[i]):
+                    continue
+                m.line = ray_line(&rays[i])
+                m.mark = <uint32_t>i
+                for k in range(self.count):
+                    out = &self.outliers[k]
+                    box_tests += 1
+                    if box_span(&out.box, padding, &m.line, &m.span):
+                        object_tests += 1
+                        cross(crossings, &out.shape, &m, rays[i].t, out.id)
+            hand_over(crossings)
+        return box_tests, object_tests

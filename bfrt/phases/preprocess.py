@@ -30,17 +30,17 @@ from bfrt.workers import Workers
 
 Bytes = NDArray[np.uint8]
 
-#: A box grows by this part of the diagonal of the scene's bounds when rays meet it.
-GROW = 2.0**-30
+#: A box is padded by this part of the diagonal of the scene's bounds when rays meet it.
+PADDING = 2.0**-30
 
 #: And by no less than this part of the greatest coordinate, 2^7 units in its last place: what hits
 #: may be off by where a scene is more than 2^16 diagonals from the store's origin.
 ROUNDED = 2.0**-46
 
 
-def growth(store: Store) -> float:
-    """Return d, by which boxes grow (docs/algorithm.rst, Exactness), the same for a whole scene."""
-    return max(GROW * store.bounds.diagonal, ROUNDED * store.bounds.reach)
+def padding_of(store: Store) -> float:
+    """Return d, by which boxes of a whole scene are padded (docs/algorithm.rst, Exactness)."""
+    return max(PADDING * store.bounds.diagonal, ROUNDED * store.bounds.reach)
 
 
 def grid_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Grid:
@@ -51,7 +51,7 @@ def grid_of(store: Store, group: Group, shape: Shape, axis: int = 2) -> Grid:
     thick = (group.grid_bounds.grid_sides() - (hi - lo)) / 2
     # A scene of one point has no diagonal: give its voxel some room.
     room = 0.0 if store.bounds.diagonal else max(1.0, float(np.abs(lo).max()))
-    return Grid(lo - thick - room, hi + thick + room, shape, growth(store), axis)
+    return Grid(lo - thick - room, hi + thick + room, shape, padding_of(store), axis)
 
 
 def layout_of(group: Group, partition: Partition, hierarchy: bool) -> Layout:

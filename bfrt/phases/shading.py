@@ -6,7 +6,6 @@ sweep over the objects meets them in order.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,7 +16,8 @@ from bfrt.ids import index_of
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
 from bfrt.phases.hit_order import by_object, hits_of, picked
-from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED, QUEUED_BYTES
+from bfrt.phases.lighting import lighting_of
+from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED_BYTES
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import AllRecords, Chunk
@@ -29,11 +29,6 @@ from bfrt.workers import Workers
 
 #: A hit that is shaded: itself, its sorted copy, its id and its place in the order.
 SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
-
-
-def light_intensity(lights: int) -> float:
-    """Return sqrt(n) / (2 n), the intensity of each of n lights and of ambient light (SPD)."""
-    return math.sqrt(lights) / (2 * lights)
 
 
 def emit_room(lights: int) -> int:
@@ -66,21 +61,11 @@ class Shading:
     ) -> None:
         self._capacity = hits
         self._workers = workers
-        self._ambient = light_intensity(len(lights))
-        self._palette = store.materials()
-        origin = self._origin = np.array(store.origin)
-        self._lights = np.array(
-            [
-                (
-                    *(np.array(light.position) - origin),
-                    *(self._ambient * np.array(light.color)),
-                )
-                for light in lights
-            ]
-        ).reshape(-1, 6)
-        self._film = film
-        self._eye = eye
-        self._out = np.empty((workers.threads, emit_room(len(lights))), QUEUED)
+        room, palette = emit_room(len(lights)), store.materials()
+        lighting = lighting_of(lights, store.origin)
+        self._shaders = [
+            Shader(palette, lighting, eye, store.origin, film, room) for _ in range(workers.threads)
+        ]
 
     @staticmethod
     def bytes(store: Store, threads: int) -> int:
@@ -103,38 +88,26 @@ class Shading:
         last : bool
             Whether the maximum depth is reached: then there are shadow rays only.
         """
-        shaders = [
-            Shader(
-                self._palette, self._lights, self._ambient, self._eye, self._origin, self._film,
-                out, queue.append,
-            )
-            for out in self._out
-        ]  # fmt: skip
+        for shader in self._shaders:
+            shader.begin(queue.append, last)
         for load, begins in by_object(hits, groups, self._capacity):
             ids = np.ascontiguousarray(load["id"])
             for scans in groups:
                 for stream in scans.streams:
                     part = hits_of(ids, stream)
                     if scans.lazy:
-                        self._pick(shaders, scans, stream, load[part], last)
+                        self._pick(scans, stream, load[part])
                     else:
-                        self._sweep(shaders, scans, stream, load[part], last)
+                        self._sweep(scans, stream, load[part])
                 counters.sweep(0 if scans.lazy else count_of(scans), scans, begins)
                 counters.phases.shading.swept(scans)
-        for shader in shaders:
+        for shader in self._shaders:
             shader.flush()
             counters.rays.reflection += shader.reflection
             counters.rays.refraction += shader.refraction
             counters.rays.shadow += shader.shadow
 
-    def _pick(
-        self,
-        shaders: list[Shader],
-        scans: GroupScans,
-        stream: Stream,
-        hits: NDArray[Any],
-        last: bool,
-    ) -> None:
+    def _pick(self, scans: GroupScans, stream: Stream, hits: NDArray[Any]) -> None:
         """Shade the hits on a stream's objects: only those are read."""
         if not len(hits):
             return
@@ -143,25 +116,18 @@ class Shading:
         def shade(worker: int, chunk: tuple[StreamScan, slice]) -> None:
             scan, part = chunk
             some = hits[starts[part.start] : starts[part.stop]]
-            shaders[worker].shade_picked(scan, some, last)
+            self._shaders[worker].shade_picked(scan, some)
 
         self._workers.drain(source, shade)
 
-    def _sweep(
-        self,
-        shaders: list[Shader],
-        scans: GroupScans,
-        stream: Stream,
-        hits: NDArray[Any],
-        last: bool,
-    ) -> None:
+    def _sweep(self, scans: GroupScans, stream: Stream, hits: NDArray[Any]) -> None:
         """Shade the hits on a stream's objects: all are read."""
         indices = index_of(np.ascontiguousarray(hits["id"])).astype(np.int64)
 
         def shade(worker: int, chunk: Chunk) -> None:
             first, end = chunk.ranges[0]
             a, b = np.searchsorted(indices, [first, end])
-            shaders[worker].shade(chunk.scan, end - first, hits[a:b], last)
+            self._shaders[worker].shade(chunk.scan, end - first, hits[a:b])
 
         self._workers.drain(AllRecords(scans, stream), shade)
 

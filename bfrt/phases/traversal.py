@@ -19,7 +19,7 @@ from bfrt.image.film import Film
 from bfrt.phases._intersection import Intersector
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.all_hits import AllHits
-from bfrt.phases.outliers import Outliers, cross_outliers
+from bfrt.phases.outliers import Outliers
 from bfrt.records import CANDIDATE_BYTES, HIT, PATH_BYTES, RAY_BYTES
 from bfrt.stats import Counters
 from bfrt.workers import Workers
@@ -42,8 +42,8 @@ LEAP = 8
 ADMITTED = 65536
 FEWEST = 512
 
-#: Of memory: with so many rays in it no more are looked for, where that means to read slabs.
-FULL = 0.75
+#: Of the pool: with so many rays in it no more are looked for, where that means to read slabs.
+NEARLY_FULL = 0.75
 
 #: The fewest rays in flight that are worth a sweep over the objects.
 FEWEST_RAYS = 4096
@@ -53,7 +53,7 @@ CANDIDATES_A_RAY = 4
 
 #: In flight: the ray, what it is for, its place in its slab, what it may still take, and its
 #: candidates.
-FLYING_BYTES = RAY_BYTES + PATH_BYTES + 4 + 4 + CANDIDATES_A_RAY * CANDIDATE_BYTES
+IN_FLIGHT_BYTES = RAY_BYTES + PATH_BYTES + 4 + 4 + CANDIDATES_A_RAY * CANDIDATE_BYTES
 
 #: Rays that a thread looks at together for whether they are complete.
 SETTLED = 8192
@@ -72,8 +72,8 @@ class Sink(Protocol):
     def append(self, records: NDArray[Any]) -> None: ...
 
 
-class Ground(NamedTuple):
-    """Holds one group's grid and what rays need to go through it."""
+class Accelerator(NamedTuple):
+    """Holds what rays go through in one group: its grid, where they are in it, its outliers."""
 
     slabs: Slabs
     voxel_rays: VoxelRays
@@ -127,8 +127,8 @@ def quota(least: int, read: int, rays: int, room: int, *, selective: bool) -> in
     return min(max(least, worth), room // rays)
 
 
-class Flight:
-    """Moves rays in flight: admits, walks and retires them.
+class Traversal:
+    """Takes rays through grids: admits, walks and retires them.
 
     Parameters
     ----------
@@ -160,19 +160,19 @@ class Flight:
         """Begin with a queue of rays, whose nearest hits are wanted, or all."""
         self.crossings = crossings
         if crossings is not None:
-            crossings.fly(*self.pool.all)
+            crossings.attach(*self.pool.all)
 
-    def enter(self, ground: Ground) -> None:
+    def enter(self, accelerator: Accelerator) -> None:
         """Come into a group's grid, with no ray yet."""
-        self.grid = ground.slabs.grid
-        self._slabs, self.voxel_rays, self._outliers = ground
-        self._starts = np.empty(2 * ground.slabs.count + 1, np.int64)
+        self.grid = accelerator.slabs.grid
+        self._slabs, self.voxel_rays, self._outliers = accelerator
+        self._starts = np.empty(2 * accelerator.slabs.count + 1, np.int64)
         self.pool.enter_grid()
 
-    def hand(self, intersector: Intersector) -> None:
-        """Give the active rays to a worker's intersection loop, for a pass."""
-        found = () if self.crossings is None else self.crossings.buffer()
-        intersector.begin(self.pool.in_flight, *found)
+    def begin_pass(self, intersector: Intersector) -> None:
+        """Give the active rays to a worker's intersection loop."""
+        crossings = None if self.crossings is None else self.crossings.buffer()
+        intersector.begin(self.pool.in_flight, crossings)
 
     @property
     def active(self) -> int:
@@ -192,7 +192,7 @@ class Flight:
                 self._enter(queue, counters)
             self._walk(base, 0, counters)
             finished += self.retire(sinks, counters, base)
-            if several and pool.active > FULL * pool.capacity:
+            if several and pool.active > NEARLY_FULL * pool.capacity:
                 break
         return finished
 
@@ -207,10 +207,13 @@ class Flight:
         def chunk(_: int, first: int, last: int) -> None:
             tallies.append(come(rays, first, last, self.grid, outliers))
             if self.crossings is not None:
-                tests = cross_outliers(
-                    self._outliers, pool.all[0], pool.active + first, pool.active + last,
-                    self.grid.grow, *self.crossings.buffer(),
-                )  # fmt: skip
+                tests = self._outliers.cross(
+                    pool.all[0],
+                    pool.active + first,
+                    pool.active + last,
+                    self.grid.padding,
+                    self.crossings.buffer(),
+                )
                 tallies.append((*tests, 0))
 
         self._workers.run(chunk, len(rays), smallest=FEWEST)

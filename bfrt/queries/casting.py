@@ -76,7 +76,7 @@ class RowPerRay(NamedTuple):
     find: Callable[[Query, Answers], None]
     columns: Callable[[Block], dict[str, Block]]
 
-    def ask(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
+    def answer(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
         """Answer a question."""
         rays = question.rays()
         check_out(self.fields, rays.known, question.out)
@@ -162,7 +162,7 @@ COUNT = RowPerRay(
 class RowPerHit:
     """Answers `bfrt.list_intersections`: all hits of each ray, a row each."""
 
-    def ask(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
+    def answer(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
         """Answer a question."""
         rays = question.rays()
         _check_folder(question.out)

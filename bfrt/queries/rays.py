@@ -20,7 +20,7 @@ from bfrt.records import HIT, QUERY_RAY, RayKind
 from bfrt.store.store import Store
 
 #: Rays that are taken from an array at once.
-BLOCK = 65536
+RAYS_AT_ONCE = 65536
 
 #: What the system says of a path where there is no file for us.
 ABSENT = (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES)
@@ -109,8 +109,10 @@ def rays_of(origins: Given, directions: Given | None, t_min: ArrayLike, t_max: A
     near, far = _column("t_min", t_min, count), _column("t_max", t_max, count)
 
     def blocks() -> Iterator[Block]:
-        for number, rays in enumerate(zip(o.blocks(BLOCK), d.blocks(BLOCK), strict=True)):
-            part = slice(number * BLOCK, (number + 1) * BLOCK)
+        for number, rays in enumerate(
+            zip(o.blocks(RAYS_AT_ONCE), d.blocks(RAYS_AT_ONCE), strict=True)
+        ):
+            part = slice(number * RAYS_AT_ONCE, (number + 1) * RAYS_AT_ONCE)
             yield *rays, near[part], far[part]
 
     return Rays(blocks(), count)

@@ -18,7 +18,7 @@ def lines(
 def meet(
     cursor: GeometryCursor,
     n: int,
-    grow: float,
+    padding: float,
     rays: NDArray[np.float64],
     t: NDArray[np.float64],
     ids: NDArray[np.uint64],
@@ -26,7 +26,7 @@ def meet(
 def cross(
     cursor: GeometryCursor,
     n: int,
-    grow: float,
+    padding: float,
     rays: NDArray[np.float64],
     found: list[tuple[int, float, int]],
 ) -> None: ...

@@ -112,7 +112,7 @@ def lines(const double[:, ::1] origins, const double[:, ::1] directions, double[
             )
 
 
-def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] rays, double[::1] t,
+def meet(GeometryCursor cursor, int64_t n, double padding, const double[:, ::1] rays, double[::1] t,
          uint64_t[::1] ids):
     """Meet the next n objects of a cursor with every ray.
 
@@ -120,8 +120,8 @@ def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ray
 
     Parameters
     ----------
-    grow : float
-        d, by which boxes grow (docs/algorithm.rst, Exactness).
+    padding : float
+        d, by which boxes are padded (docs/algorithm.rst, Exactness).
     rays : (m, 9) float64
         IN. From `lines`; those with a NaN for an origin are passed over.
     t, ids : (m,) float64, uint64
@@ -151,7 +151,7 @@ def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ray
             pending = 0
             for k in range(count):
                 ray = <const Line*>&rays[k, 0]
-                if ray.o.x != ray.o.x or not box_span(&box, grow, ray, &met[pending].span):
+                if ray.o.x != ray.o.x or not box_span(&box, padding, ray, &met[pending].span):
                     continue
                 met[pending].line = ray[0]
                 met[pending].mark = <uint32_t>k
@@ -164,12 +164,12 @@ def meet(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ray
             keep_nearest(&met[0], pending, id, &nearest)
 
 
-def cross(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] rays, list found):
+def cross(GeometryCursor cursor, int64_t n, double padding, const double[:, ::1] rays, list found):
     """Find all hits of the next n objects of a cursor with every ray.
 
     Parameters
     ----------
-    grow, rays
+    padding, rays
         As for `meet`.
     found : list of (int, float, int)
         OUT. Which ray, t, id.
@@ -190,7 +190,7 @@ def cross(GeometryCursor cursor, int64_t n, double grow, const double[:, ::1] ra
         shape_bounds(&shape, &box)
         for k in range(rays.shape[0]):
             ray = <const Line*>&rays[k, 0]
-            if ray.o.x != ray.o.x or not box_span(&box, grow, ray, &m.span):
+            if ray.o.x != ray.o.x or not box_span(&box, padding, ray, &m.span):
                 continue
             for i in range(shape_crossings(&shape, ray, &m.span, &t[0])):
                 found.append((k, t[i], id))

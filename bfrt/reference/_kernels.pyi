@@ -8,13 +8,13 @@ from bfrt.grid.grid import Grid
 def power(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def spans(
     boxes: NDArray[np.float32],
-    grow: float,
+    padding: float,
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
 ) -> NDArray[np.float64]: ...
 def spans_of_eight(
     boxes: NDArray[np.float32],
-    grow: float,
+    padding: float,
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
     reach: float = ...,
@@ -35,7 +35,7 @@ def meet(
     kind: int,
     record: NDArray[np.float64],
     origin: Sequence[float],
-    grow: float,
+    padding: float,
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...

@@ -6,11 +6,11 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t
 import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
-from bfrt.geometry.coordinates cimport Frame
+from bfrt.geometry.coordinates cimport Frame, frame_of
 from bfrt.geometry.packet cimport (
-    BoxPacket, PaddedPacket, eight_grow, eight_of, eight_span, eight_union,
+    BoxPacket, PaddedPacket, eight_of, eight_pad, eight_span, eight_union,
 )
-from bfrt.grid.regions cimport Sides, Voxels, eight_voxels, entered, sides_of
+from bfrt.grid.regions cimport PacketPlanes, Voxels, eight_voxels, entered, packet_planes
 from bfrt.grid.grid cimport Grid
 from bfrt.geometry.power cimport power as core_power
 from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decoded
@@ -46,15 +46,15 @@ cdef Box box_of(const float[:, ::1] boxes, int64_t i):
     return b
 
 
-def spans(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
+def spans(const float[:, ::1] boxes, double padding, const double[:, ::1] origins,
           const double[:, ::1] directions):
     """Find where each ray is inside the box of its row.
 
     Parameters
     ----------
     boxes : (n, 6) float32
-    grow : float
-        The length by which boxes grow.
+    padding : float
+        The length by which boxes are padded.
     origins, directions : (n, 3) float64
 
     Returns
@@ -71,19 +71,19 @@ def spans(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
         b = box_of(boxes, i)
         ray = line_of(origins, directions, i)
         out[i, 0], out[i, 1] = INFINITY, -INFINITY
-        if box_span(&b, grow, &ray, &s):
+        if box_span(&b, padding, &ray, &s):
             out[i, 0], out[i, 1] = s.near, s.far
     return np.asarray(out)
 
 
-def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] origins,
+def spans_of_eight(const float[:, ::1] boxes, double padding, const double[:, ::1] origins,
                    const double[:, ::1] directions, double reach=INFINITY):
     """Find where each ray is inside each of up to eight boxes, tested together.
 
     Parameters
     ----------
     boxes : (m, 6) float32
-    grow, origins, directions
+    padding, origins, directions
         As for `spans`.
 
     Returns
@@ -97,13 +97,13 @@ def spans_of_eight(const float[:, ::1] boxes, double grow, const double[:, ::1] 
     cdef uint8_t[::1] met = np.empty(origins.shape[0], np.uint8)
     cdef double inv[3]
     cdef BoxPacket eight
-    cdef PaddedPacket grown
+    cdef PaddedPacket padded
     cdef int64_t i
     eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
-    eight_grow(&eight, grow, &grown)
+    eight_pad(&eight, padding, &padded)
     for i in range(origins.shape[0]):
         met[i] = <uint8_t>eight_span(
-            &grown, &origins[i, 0], &directions[i, 0], reach, &inv[0], &out[i, 0, 0], &out[i, 1, 0]
+            &padded, &origins[i, 0], &directions[i, 0], reach, &inv[0], &out[i, 0, 0], &out[i, 1, 0]
         )
     return np.swapaxes(np.asarray(out), 1, 2), np.asarray(met)
 
@@ -125,11 +125,11 @@ def voxels_of_eight(const float[:, ::1] boxes, Grid grid):
     cdef int[:, ::1] out = np.empty((6, 8), np.int32)
     cdef float[::1] around = np.empty(6, np.float32)
     cdef BoxPacket eight
-    cdef Sides sides
+    cdef PacketPlanes planes
     eight_of(&boxes[0, 0], <int>boxes.shape[0], &eight)
     eight_union(&eight, &around[0])
-    sides_of(&grid.planes, &sides)
-    eight_voxels(&grid.planes, &sides, &eight, <Voxels*>&out[0, 0])
+    packet_planes(&grid.planes, &planes)
+    eight_voxels(&grid.planes, &planes, &eight, <Voxels*>&out[0, 0])
     return np.asarray(out).T, np.asarray(around)
 
 
@@ -203,14 +203,13 @@ def sphere_boxes(const uint8_t[:, ::1] records, bint wide, origin):
     cdef float[::1] around = np.empty(6, np.float32)
     cdef Frame frame
     cdef int n = <int>records.shape[0]
-    frame.wide = wide
-    frame.origin = vec(origin[0], origin[1], origin[2])
+    frame = frame_of(wide, origin)
     core_sphere_boxes(&records[0, 0], records.shape[1], &frame, n, <BoxPacket*>&out[0, 0])
     sphere_union(&records[0, 0], records.shape[1], &frame, n, <Box*>&around[0])
     return np.ascontiguousarray(np.asarray(out).T), np.asarray(around)
 
 
-def meet(int kind, const double[::1] record, origin, double grow, const double[:, ::1] origins,
+def meet(int kind, const double[::1] record, origin, double padding, const double[:, ::1] origins,
          const double[:, ::1] directions):
     """Test one object, given as a float64 record, against rays.
 
@@ -221,8 +220,8 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
         3 a vertex for polygons.
     origin : sequence of 3 float
         Taken off positions.
-    grow : float
-        The length by which the object's box grows.
+    padding : float
+        The length by which the object's box is padded.
     origins, directions : (n, 3) float64
         Relative to the origin.
 
@@ -248,8 +247,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
     cdef int64_t[::1] crossings = np.zeros(origins.shape[0], np.int64)
     cdef double crossing[2]
     cdef float[::1] box = np.empty(6, np.float32)
-    frame.wide = True
-    frame.origin = vec(origin[0], origin[1], origin[2])
+    frame = frame_of(True, origin)
     if not shape_load(
         kind, <const unsigned char*>&record[0], <uint32_t>(record.shape[0] // 3), &frame, &shape
     ):
@@ -259,7 +257,7 @@ def meet(int kind, const double[::1] record, origin, double grow, const double[:
         box[k], box[3 + k] = b.lo[k], b.hi[k]
     for i in range(origins.shape[0]):
         m.line = line_of(origins, directions, i)
-        if not box_span(&b, grow, &m.line, &m.span):
+        if not box_span(&b, padding, &m.line, &m.span):
             continue
         crossings[i] = shape_crossings(&shape, &m.line, &m.span, &crossing[0])
         shape_meet(&shape, &m, 1)

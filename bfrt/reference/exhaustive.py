@@ -7,9 +7,9 @@
     this one     for each object: for each ray ────────────┘
 
 It shares with the fast path what decides a hit (the kernels, and exactness rule 1: a hit counts
-within the slab interval of the object's box grown by d) and nothing of what skips work: no grid, no
-marks, no boxes from disk, no culling by the nearest hit so far. `bfrt.reference.independent` in its
-turn shares no formula with the kernels.
+within the slab interval of the object's box padded by d) and nothing of what skips work: no grid,
+no marks, no boxes from disk, no culling by the nearest hit so far. `bfrt.reference.independent` in
+its turn shares no formula with the kernels.
 
 Rays are taken by chunks, for each of which the objects stream past once: memory is bounded, but
 for the caller's own arrays.
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SettingError
-from bfrt.phases.preprocess import growth
+from bfrt.phases.preprocess import padding_of
 from bfrt.records import NO_HIT
 from bfrt.reference._exhaustive import (
     LINE_DOUBLES,
@@ -78,7 +78,7 @@ def nearest(
     start, way = _rays(origins, directions)
     t = np.full(len(start), np.inf)
     ids = np.full(len(start), NO_HIT, np.uint64)
-    grow = growth(store)
+    padding = padding_of(store)
     cursors = [[cursor_of(store, stream) for stream in store.streams] for _ in range(threads)]
 
     def chunk(worker: int, first: int, last: int) -> None:
@@ -90,7 +90,7 @@ def nearest(
         for stream, cursor in zip(store.streams, cursors[worker], strict=True):
             cursor.rewind()
             cursor.window(0, stream.count)
-            meet(cursor, stream.count, grow, rays, t[part], ids[part])
+            meet(cursor, stream.count, padding, rays, t[part], ids[part])
         t[part] = lengths(t[part] + moved, powers)  # only now: rounded, two hits might tie
 
     workers = Workers(threads)
@@ -139,7 +139,7 @@ def crossings(
     for stream in store.streams:
         cursor = cursor_of(store, stream)
         cursor.window(0, stream.count)
-        cross(cursor, stream.count, growth(store), rays, found)
+        cross(cursor, stream.count, padding_of(store), rays, found)
     ray = np.array([f[0] for f in found], np.int64)
     t = lengths(np.array([f[1] for f in found], np.float64) + moved[ray], powers[ray])
     ids = np.array([f[2] for f in found], np.uint64)

@@ -51,7 +51,8 @@ from bfrt.reference.shapes import (
 
 Ids = NDArray[np.uint64]
 
-BLOCK = 1 << 14  # pairs of ray and object at once: their arrays of 128 KiB stay in the cache
+#: Pairs of ray and object: their arrays of 128 KiB stay in the cache.
+PAIRS_AT_ONCE = 1 << 14
 CHUNK = 1 << 12  # of them, objects
 
 #: Two programs may differ by this many units in the last place of the way to an object, times the
@@ -178,7 +179,7 @@ def nearest(
     origins: ArrayLike,
     directions: ArrayLike,
     t_max: ArrayLike = np.inf,
-    block: int = BLOCK,
+    block: int = PAIRS_AT_ONCE,
 ) -> tuple[Array, Ids]:
     """Find the nearest hit of each ray by trying every object.
 
@@ -321,7 +322,7 @@ def _touching(objects: Objects, start: Array, way: Array, end: Array, margin: Ar
     edges = Edges(corners, objects.vertices, objects.counts, objects.cones)
     with np.errstate(all="ignore"):
         for sharp in (edges, Cones(objects.cones)):
-            for rays, part in _blocks(len(start), len(sharp.index), BLOCK):
+            for rays, part in _blocks(len(start), len(sharp.index), PAIRS_AT_ONCE):
                 ahead, p, d = approach(sharp.centres[:, part], origins[:, rays], unit[:, rays])
                 near = margin[rays, None]
                 reach = sharp.reach[part] + near

@@ -3,10 +3,9 @@
 cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.vector cimport vec
-from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, POLYGON, SPHERE
-from bfrt.scan.runs cimport prefetch_runs
-from bfrt.streams.reader cimport Reader, take
+from bfrt.geometry.coordinates cimport frame_of
+from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES
+from bfrt.scan.runs cimport polygon_end, prefetch_runs
 
 
 @cython.final
@@ -33,38 +32,38 @@ cdef class BoxCursor:
     def __cinit__(self, stream, origin, files, const int64_t[::1] outliers, size_t capacity):
         self.number = stream.number
         self.outliers = outliers
-        self.frame.wide = stream.wide
-        self.frame.origin = vec(origin[0], origin[1], origin[2])
-        if stream.kind == SPHERE:
-            self.spheres = self.reader = files.reader("geometry", capacity)
-            self.bytes = stream.stride
-        else:
+        self.frame = frame_of(stream.wide, origin)
+        self.kind = stream.kind
+        if stream.boxed:
             self.exact = self.reader = files.reader("boxes", capacity)
             self.bytes = BOX_BYTES
+        else:
+            self.geometry = self.reader = files.reader("geometry", capacity)
+            self.bytes = stream.stride
         if files.lazy and stream.quantised:
             self.quantised = files.reader("quantised", capacity // 4)
-        if files.lazy and stream.kind == POLYGON:
+        if files.lazy and stream.kind.counted:
             self.offsets = files.reader("offsets", capacity // 16)
         self.rewind()
 
-    def rewind(self, bint asked=False):
+    def rewind(self, bint prefetched=False):
         """Begin again at the first object.
 
         Parameters
         ----------
-        asked : bool
-            Whether boxes are asked for before they are read, by `prefetch`: they are then the
+        prefetched : bool
+            Whether boxes are prefetched before they are read: they are then the
             quantised ones, if there are any. Otherwise they are read in order.
         """
-        for reader in (self.exact, self.quantised, self.spheres, self.offsets):
+        for reader in (self.exact, self.quantised, self.geometry, self.offsets):
             if reader is not None:
-                reader.rewind(asked)
-        self.index = self.outlier = self.wanted = 0
+                reader.rewind(prefetched)
+        self.index = self.outlier = self.ahead = 0
         self.vertex = 0
-        self.coded = asked and self.quantised is not None
+        self.coded = prefetched and self.quantised is not None
         if self.coded:
             self.reader, self.bytes = self.quantised, CODE_BYTES
-        elif self.spheres is None:
+        elif self.geometry is None:
             self.reader, self.bytes = self.exact, BOX_BYTES
 
     def prefetch(self, const int64_t[:, ::1] ranges):
@@ -77,34 +76,29 @@ cdef class BoxCursor:
             if self.offsets is not None:
                 prefetch_runs(self.offsets, ranges, OFFSET_BYTES)
 
-    def choose(self, const int64_t[:, ::1] ranges, bint asked):
+    def choose(self, const int64_t[:, ::1] ranges, bint prefetched):
         """Go forward to ranges of objects.
 
         Parameters
         ----------
         ranges : (n, 2) int64
             First and end of each, ascending.
-        asked : bool
+        prefetched : bool
             Whether `prefetch` was called for them; otherwise they are read in order.
         """
-        self.reader.expect(asked)
+        self.reader.expect(prefetched)
         if self.offsets is not None:
-            self.offsets.expect(asked)
+            self.offsets.expect(prefetched)
         self.window(ranges[0, 0], ranges[ranges.shape[0] - 1, 1])
 
     cpdef int window(self, int64_t first, int64_t last) except -1:
         """Go forward to object `first`, to read up to `last` (exclusive)."""
-        cdef Reader single
         if self.offsets is not None:
-            self.vertex = 0
-            if first:
-                single = Reader(self.offsets.file, OFFSET_BYTES)
-                single.window((first - 1) * OFFSET_BYTES, first * OFFSET_BYTES)
-                self.vertex = (<const uint32_t*>take(single, OFFSET_BYTES))[0]
+            self.vertex = <uint32_t>polygon_end(self.offsets, first - 1)
             self.offsets.window(first * OFFSET_BYTES, last * OFFSET_BYTES)
         self.reader.window(first * self.bytes, last * self.bytes)
         self.index = first
-        self.wanted = 0
+        self.ahead = 0
         while self.outlier < self.outliers.shape[0] and self.outliers[self.outlier] < first:
             self.outlier += 1
         return 0

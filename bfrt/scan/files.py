@@ -13,7 +13,7 @@ class StreamFiles:
     ----------
     stream : Stream
     lazy : bool
-        Whether what is read may be asked for before.
+        Whether what is read may be prefetched.
     """
 
     def __init__(self, stream: Stream, lazy: bool) -> None:

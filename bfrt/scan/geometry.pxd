@@ -8,19 +8,20 @@ from libc.string cimport memcpy
 
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.packet cimport BOXES
-from bfrt.records cimport OFFSET_BYTES, POLYGON
+from bfrt.records cimport OFFSET_BYTES
 from bfrt.scan.runs cimport run_end
-from bfrt.streams.reader cimport Reader, skip, take, want
+from bfrt.streams.reader cimport Reader, read_ahead, skip, take
 
 
 cdef class GeometryCursor:
     cdef Reader reader
     cdef Reader offsets     # None for all but polygons
     cdef readonly int kind
+    cdef bint counted       # whether objects have several records: vertices
     cdef readonly int number    # the stream's
     cdef Frame frame
     cdef int64_t stride     # bytes of a record
-    cdef bint asked         # whether what is read is asked for before
+    cdef bint prefetched    # whether what is read is prefetched
     cdef int64_t at         # the record that comes next
     cdef int64_t index      # the object whose offset comes next
     cdef uint32_t vertex    # where the polygon before it ends
@@ -31,12 +32,11 @@ cdef class GeometryCursor:
     # The objects that are picked:
     cdef const int64_t[:, ::1] ranges   # of records, one range each
     cdef int64_t picking    # the next of them
-    cdef int64_t known      # the end of records that were asked for
+    cdef int64_t known      # the end of records that were prefetched
     cdef readonly uint32_t count    # vertices of the polygon that was picked last
 
     cpdef int window(self, int64_t first, int64_t last) except -1
     cdef (int64_t, int64_t) place(self, int64_t first, int64_t last) except *
-    cdef int64_t end_of(self, int64_t index) except -1
     cdef object vertices_of(self, const int64_t[:, ::1] ranges)
     cdef int refuse(self, int64_t vertex) except -1 nogil
 
@@ -45,10 +45,10 @@ cdef inline int seek_records(GeometryCursor g, int64_t begin, int64_t end) excep
     """Go forward to a record: up to `end` all are read at once, and no further."""
     if begin < g.at:
         g.refuse(begin)
-    want(g.reader, g.at * g.stride)  # what comes before is not read through
+    read_ahead(g.reader, g.at * g.stride)  # what comes before is not read through
     skip(g.reader, (begin - g.at) * g.stride)
     g.at = begin
-    want(g.reader, end * g.stride)
+    read_ahead(g.reader, end * g.stride)
     return 0
 
 
@@ -68,7 +68,7 @@ cdef inline int next_records(GeometryCursor g, int64_t most) except -1 nogil:
     Polygons come one at a time, for their records are not of one size.
     """
     cdef int n = <int>(most if most < BOXES else BOXES)
-    if g.kind == POLYGON:
+    if g.counted:
         n = 1
         g.ends[0] = g.vertex
         memcpy(&g.ends[1], take(g.offsets, OFFSET_BYTES), OFFSET_BYTES)
@@ -83,7 +83,7 @@ cdef inline int next_records(GeometryCursor g, int64_t most) except -1 nogil:
 
 cdef inline uint32_t vertices_in(GeometryCursor g, int i) noexcept nogil:
     """Count the vertices of polygon i of the block; of other kinds 0."""
-    return g.ends[i + 1] - g.ends[i] if g.kind == POLYGON else 0
+    return g.ends[i + 1] - g.ends[i] if g.counted else 0
 
 
 cdef inline const unsigned char* pick_record(GeometryCursor g) except NULL nogil:

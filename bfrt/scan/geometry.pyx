@@ -3,11 +3,11 @@
 cimport cython
 from libc.stdint cimport int64_t, uint32_t
 
+from bfrt.geometry.coordinates cimport frame_of
 from bfrt.geometry.packet cimport BOXES
-from bfrt.geometry.vector cimport vec
-from bfrt.records cimport OFFSET_BYTES, POLYGON
-from bfrt.scan.runs cimport prefetch_runs, run_end
-from bfrt.streams.reader cimport Reader, skip, take, want
+from bfrt.records cimport OFFSET_BYTES
+from bfrt.scan.runs cimport polygon_end, prefetch_runs, run_end
+from bfrt.streams.reader cimport read_ahead, skip, take
 
 import numpy as np
 
@@ -32,31 +32,31 @@ cdef class GeometryCursor:
 
     def __cinit__(self, stream, origin, files, size_t capacity):
         self.kind = stream.kind
+        self.counted = stream.kind.counted
         self.number = stream.number
         self.stride = stream.stride
-        self.frame.wide = stream.wide
-        self.frame.origin = vec(origin[0], origin[1], origin[2])
+        self.frame = frame_of(stream.wide, origin)
         largest = self.stride * max(BOXES, stream.largest)
         self.reader = files.reader("geometry", max(capacity, largest))
-        if self.kind == POLYGON:
+        if self.counted:
             self.offsets = files.reader("offsets", capacity // 16)
         self.rewind()
 
-    def rewind(self, bint asked=False):
+    def rewind(self, bint prefetched=False):
         """Begin again at the first object.
 
         Parameters
         ----------
-        asked : bool
-            Whether what is read is asked for before; otherwise it is read in order.
+        prefetched : bool
+            Whether what is read is prefetched; otherwise it is read in order.
         """
-        self.reader.rewind(asked)
+        self.reader.rewind(prefetched)
         if self.offsets is not None:
-            self.offsets.rewind(asked)
+            self.offsets.rewind(prefetched)
         self.at = self.index = self.picking = self.known = 0
         self.vertex = 0
-        self.asked = asked
-        if asked:
+        self.prefetched = prefetched
+        if prefetched:
             self.reader.window(0, self.reader.file.size)
 
     cpdef int window(self, int64_t first, int64_t last) except -1:
@@ -68,7 +68,7 @@ cdef class GeometryCursor:
             If polygons end where they cannot.
         """
         cdef int64_t begin = first, end = last
-        if self.kind == POLYGON:
+        if self.counted:
             begin, end = self.place(first, last)
         self.reader.window(begin * self.stride, end * self.stride)
         self.at = begin
@@ -78,7 +78,8 @@ cdef class GeometryCursor:
     cdef (int64_t, int64_t) place(self, int64_t first, int64_t last) except *:
         """Go forward to the offset of polygon `first`; return where those up to `last` begin and
         end, in vertices."""
-        cdef int64_t begin = self.end_of(first - 1), end = self.end_of(last - 1)
+        cdef int64_t begin = polygon_end(self.offsets, first - 1)
+        cdef int64_t end = polygon_end(self.offsets, last - 1)
         if begin > end or end * self.stride > self.reader.file.size:
             raise StoreError(
                 f"{self.offsets.file.path}: objects {first} to {last}: found vertices "
@@ -88,17 +89,8 @@ cdef class GeometryCursor:
         self.vertex = <uint32_t>begin
         return begin, end
 
-    cdef int64_t end_of(self, int64_t index) except -1:
-        """Find where polygon `index` ends, in vertices: one read, beside those in order."""
-        cdef Reader single
-        if index < 0:
-            return 0
-        single = Reader(self.offsets.file, OFFSET_BYTES)
-        single.window(index * OFFSET_BYTES, (index + 1) * OFFSET_BYTES)
-        return (<const uint32_t*>take(single, OFFSET_BYTES))[0]
-
     def pick(self, const int64_t[:, ::1] objects):
-        """Go forward to objects, which `pick_record` then gives; their records are asked for.
+        """Go forward to objects, which `pick_record` then gives; their records are prefetched.
 
         Parameters
         ----------
@@ -106,13 +98,13 @@ cdef class GeometryCursor:
             Ranges of one each, ascending.
         """
         cdef int64_t first = objects[0, 0], last = objects[objects.shape[0] - 1, 1]
-        if self.kind == POLYGON:
+        if self.counted:
             self.place(first, last)
             self.index = first
             self.ranges = self.vertices_of(objects)
         else:
             self.ranges = objects
-        if not self.asked:
+        if not self.prefetched:
             self.at = self.ranges[0, 0]
             self.reader.window(
                 self.at * self.stride, self.ranges[self.ranges.shape[0] - 1, 1] * self.stride
@@ -131,13 +123,13 @@ cdef class GeometryCursor:
         for k in range(ranges.shape[0]):
             index, far = ranges[k, 0], ranges[k, 0] >= known
             if far:
-                want(self.offsets, self.index * OFFSET_BYTES)
+                read_ahead(self.offsets, self.index * OFFSET_BYTES)
             if index > self.index:
                 skip(self.offsets, (index - self.index - 1) * OFFSET_BYTES)
             if far:
                 last = k
                 known = run_end(ranges, &last, self.offsets.gap // OFFSET_BYTES)
-                want(self.offsets, known * OFFSET_BYTES)
+                read_ahead(self.offsets, known * OFFSET_BYTES)
             if index > self.index:
                 self.vertex = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
             out[k, 0] = self.vertex

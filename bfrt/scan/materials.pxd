@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint16_t, uint32_t
 
 from bfrt.scan.runs cimport run_end
-from bfrt.streams.reader cimport Reader, skip, take, want
+from bfrt.streams.reader cimport Reader, read_ahead, skip, take
 
 
 cdef class MaterialCursor:
@@ -11,7 +11,7 @@ cdef class MaterialCursor:
     cdef uint32_t one       # which that is
     cdef int bytes          # of a material
     cdef int64_t at         # the object whose material comes next
-    cdef int64_t known      # the end of those that were asked for
+    cdef int64_t known      # the end of those that were prefetched
     cdef const int64_t[:, ::1] objects  # that are picked
     cdef int64_t picking    # the next of them
 
@@ -38,10 +38,10 @@ cdef inline uint32_t pick_material(MaterialCursor m) except? 0xFFFFFFFF nogil:
     m.picking += 1
     if m.reader is not None:
         if far:
-            want(m.reader, m.at * m.bytes)
+            read_ahead(m.reader, m.at * m.bytes)
         skip(m.reader, (index - m.at) * m.bytes)
         if far:
             m.known = run_end(m.objects, &k, m.reader.gap // m.bytes)
-            want(m.reader, m.known * m.bytes)
+            read_ahead(m.reader, m.known * m.bytes)
     m.at = index
     return next_material(m)

@@ -27,10 +27,10 @@ cdef class MaterialCursor:
             self.reader = files.reader("materials", capacity)
         self.rewind()
 
-    def rewind(self, bint asked=False):
+    def rewind(self, bint prefetched=False):
         """Begin again at the first object."""
         if self.reader is not None:
-            self.reader.rewind(asked)
+            self.reader.rewind(prefetched)
         self.at = self.known = self.picking = 0
 
     def window(self, int64_t first, int64_t last):

@@ -1,8 +1,10 @@
-"""Runs: ranges of records that are read as one, for the gaps between are short."""
+"""Runs: ranges of records that are read as one, for the gaps between are short; and the offset of
+one polygon."""
 
-from libc.stdint cimport int64_t
+from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.streams.reader cimport Reader
+from bfrt.records cimport OFFSET_BYTES
+from bfrt.streams.reader cimport Reader, take
 
 
 cdef inline int64_t run_end(const int64_t[:, ::1] ranges, int64_t* k, int64_t gap) noexcept nogil:
@@ -18,5 +20,16 @@ cdef inline void prefetch_runs(Reader reader, const int64_t[:, ::1] ranges,
     cdef int64_t begin, k = 0
     while k < ranges.shape[0]:
         begin = ranges[k, 0] * size
-        reader.ask(begin, run_end(ranges, &k, reader.gap // size) * size)
+        reader.prefetch(begin, run_end(ranges, &k, reader.gap // size) * size)
         k += 1
+
+
+cdef inline int64_t polygon_end(Reader offsets, int64_t index) except -1:
+    """Find where polygon `index` ends, in vertices: one read, beside those in order. -1 ends at 0.
+    """
+    cdef Reader single
+    if index < 0:
+        return 0
+    single = Reader(offsets.file, OFFSET_BYTES)
+    single.window(index * OFFSET_BYTES, (index + 1) * OFFSET_BYTES)
+    return (<const uint32_t*>take(single, OFFSET_BYTES))[0]

@@ -1,7 +1,8 @@
 """One worker's cursors over one stream: over its boxes, geometry and materials."""
 
-from libc.stdint cimport int64_t
+from libc.stdint cimport int64_t, uint64_t
 
+from bfrt.records cimport INDEX_BITS
 from bfrt.scan.boxes cimport BoxCursor, next_boxes
 from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
 from bfrt.scan.materials cimport MaterialCursor
@@ -16,7 +17,7 @@ cdef class StreamScan:
     cdef readonly bint lazy
     cdef readonly bint deferred  # whether geometry is read later than boxes, and of few objects
     cdef bint in_step   # whether it is read with them, of all objects
-    cdef int64_t spheres_read
+    cdef int64_t records_read
 
 
 cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
@@ -24,8 +25,13 @@ cdef inline int next_block(StreamScan s, int64_t most) except -1 nogil:
     if s.in_step:
         most = next_records(s.geometry, most)
     elif not s.lazy:
-        s.spheres_read += min(most, 8)
+        s.records_read += min(most, 8)
     return next_boxes(s.boxes, most)
+
+
+cdef inline uint64_t object_id(StreamScan s, int i) noexcept nogil:
+    """Return the id of object i of the block."""
+    return (<uint64_t>s.number << INDEX_BITS) + <uint64_t>(s.boxes.first + i)
 
 
 cdef inline const unsigned char* record_in_block(StreamScan s, int i) noexcept nogil:
@@ -34,5 +40,5 @@ cdef inline const unsigned char* record_in_block(StreamScan s, int i) noexcept n
     """
     if s.in_step:
         return s.geometry.block + i * s.geometry.stride
-    s.spheres_read += s.lazy
+    s.records_read += s.lazy
     return s.boxes.records + i * s.boxes.bytes

@@ -3,7 +3,6 @@
 cimport cython
 from libc.stdint cimport int64_t
 
-from bfrt.records cimport SPHERE
 from bfrt.scan.boxes cimport BoxCursor
 from bfrt.scan.geometry cimport GeometryCursor
 from bfrt.scan.materials cimport MaterialCursor
@@ -31,28 +30,28 @@ cdef class StreamScan:
     boxes, geometry, materials
         The cursors.
     lazy : bool
-        Whether only those records are read that are asked for (the paper's refinement G).
+        Whether only those records are read that are needed (the paper's refinement G).
     deferred : bool
-        Whether rays that meet a box wait for the object's geometry: not of spheres, whose box it
-        is.
+        Whether rays that meet a box wait for the object's geometry: not where boxes are worked out
+        of that.
     """
 
     def __cinit__(self, stream, origin, files, const int64_t[::1] outliers, size_t capacity):
         self.kind = stream.kind
         self.number = stream.number
         self.lazy = files.lazy
-        self.deferred = self.lazy and self.kind != SPHERE
-        self.in_step = not self.lazy and self.kind != SPHERE
+        self.deferred = self.lazy and stream.boxed
+        self.in_step = not self.lazy and stream.boxed
         self.boxes = BoxCursor(stream, origin, files, outliers, capacity)
         self.geometry = GeometryCursor(stream, origin, files, capacity)
         self.materials = MaterialCursor(stream, files, capacity // 8)
 
-    def rewind(self, bint asked=False):
-        """Begin again at the first object: boxes are read in order, or where that is asked for.
+    def rewind(self, bint prefetched=False):
+        """Begin again at the first object: boxes are read in order, or are prefetched.
 
-        Where geometry is read later than boxes it is asked for in either case.
+        Where geometry is read later than boxes it is prefetched in either case.
         """
-        self.boxes.rewind(asked)
+        self.boxes.rewind(prefetched)
         self.geometry.rewind(self.lazy)
         self.materials.rewind(self.lazy)
 
@@ -70,5 +69,5 @@ cdef class StreamScan:
 
     def counts(self):
         """Count the objects whose geometry was read since the last call."""
-        spheres, self.spheres_read = self.spheres_read, 0
-        return spheres + self.geometry.counts()
+        records, self.records_read = self.records_read, 0
+        return records + self.geometry.counts()

@@ -25,7 +25,7 @@ class GroupScans:
     buffer : int
         Bytes of one read buffer.
     lazy : bool
-        Whether geometry is read only where it is asked for.
+        Whether geometry is read only where it is needed.
 
     Attributes
     ----------
@@ -56,17 +56,17 @@ class GroupScans:
         """Return the scans of a stream, one a worker."""
         return self._scans[stream.number]
 
-    def begin(self, stream: Stream, asked: bool) -> list[StreamScan]:
+    def begin(self, stream: Stream, prefetched: bool) -> list[StreamScan]:
         """Bring the scans of a stream back to its first object, and return them.
 
         Parameters
         ----------
-        asked : bool
-            Whether boxes are asked for before they are read.
+        prefetched : bool
+            Whether boxes are prefetched.
         """
         scans = self._scans[stream.number]
         for scan in scans:
-            scan.rewind(asked)
+            scan.rewind(prefetched)
         return scans
 
     def counts(self) -> tuple[int, int]:

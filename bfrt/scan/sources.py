@@ -27,19 +27,19 @@ MOST = 8192
 #: objects are much work.
 TOGETHER = 16384
 
-#: Ranges that are chosen ahead, and have their boxes asked for; and objects, about as many as those
+#: Ranges that are chosen ahead, and their boxes prefetched; and objects, about as many as those
 #: have where a parent has sixteen.
 AHEAD = 8192
 AHEAD_OBJECTS = 1 << 17
 
 #: Of the objects from a batch's first to its last: with so many of them chosen their boxes are read
-#: in order, which costs the system half as much a byte as what it is asked for.
+#: in order, which costs the system half as much a byte as what is prefetched.
 DENSE = 0.75
 
 #: A range and the box around its objects.
 CHOSEN_BYTES = 2 * 8 + 6 * 4
 
-#: Picked objects, of which a thread asks for so many at once: up to 16 KB of the page cache each;
+#: Picked objects, of which a thread prefetches so many at once: up to 16 KB of the page cache each;
 #: and the fewest worth handing to one.
 PICKED = 512
 FEWEST_PICKED = 32
@@ -91,7 +91,7 @@ class AllObjects:
 
     def __init__(self, scans: GroupScans, stream: Stream) -> None:
         self.swept = stream.count
-        self._scans = scans.begin(stream, asked=False)
+        self._scans = scans.begin(stream, prefetched=False)
         self._count = stream.count
         self._chunk = chunk_of(stream.count, len(self._scans), FEWEST, MOST)
         self._starts = itertools.count(0, self._chunk)
@@ -134,7 +134,7 @@ class PickedObjects:
 
     def __init__(self, scans: GroupScans, stream: Stream, objects: NDArray[np.int64]) -> None:
         # Where everything is read in a pass, files are open for that way only.
-        self._scans = scans.begin(stream, asked=scans.lazy)
+        self._scans = scans.begin(stream, prefetched=scans.lazy)
         self._ranges = objects[:, None] + np.array([0, 1])
         self._chunk = chunk_of(len(objects), len(self._scans), FEWEST_PICKED, PICKED)
         self._starts = itertools.count(0, self._chunk)
@@ -162,8 +162,8 @@ class Batch:
     ----------
     ready : threading.Event
         Set when they are chosen.
-    asked : bool
-        Whether their boxes are asked for, for they lie apart.
+    prefetched : bool
+        Whether their boxes are prefetched, for they lie apart.
     """
 
     def __init__(self) -> None:
@@ -174,7 +174,7 @@ class Batch:
 
     def clear(self) -> None:
         """Have none."""
-        self.asked = False
+        self.prefetched = False
         self._taken = 0
         self._ends = np.zeros(1, np.int64)
 
@@ -194,7 +194,7 @@ class Batch:
         n = chooser.choose(self._ranges, objects, self._parents if coded else None)
         ranges: Ranges = self._ranges[:n]
         self._ends = np.append(0, np.cumsum(ranges[:, 1] - ranges[:, 0]))
-        self.asked = n > 0 and bool(self._ends[-1] < DENSE * (ranges[-1, 1] - ranges[0, 0]))
+        self.prefetched = n > 0 and bool(self._ends[-1] < DENSE * (ranges[-1, 1] - ranges[0, 0]))
         return ranges
 
     def take(self, objects: int, ranges: Ranges, parents: Parents) -> int:
@@ -206,8 +206,8 @@ class Batch:
             Number of ranges.
         """
         first = self._taken
-        wanted = self._ends[first] + objects
-        self._taken = min(len(self._ends) - 1, int(np.searchsorted(self._ends, wanted)))
+        end = self._ends[first] + objects
+        self._taken = min(len(self._ends) - 1, int(np.searchsorted(self._ends, end)))
         n = self._taken - first
         ranges[:n] = self._ranges[first : self._taken]
         parents[:n] = self._parents[first : self._taken]
@@ -232,7 +232,7 @@ class ChosenObjects:
     """Hands out the objects that a chooser finds, ahead of the workers.
 
     While one batch of ranges is worked on, another is chosen, by the worker that came to the end of
-    the one before, and its boxes are asked for, unless it is dense. The first are small, so that
+    the one before, and its boxes are prefetched, unless it is dense. The first are small, so that
     all workers soon have something to do. A worker's chunk is the same memory each time.
 
     Attributes
@@ -252,7 +252,7 @@ class ChosenObjects:
         fewest: int = FEWEST,
     ) -> None:
         self.swept = 0
-        self._scans = scans.begin(stream, asked=True)
+        self._scans = scans.begin(stream, prefetched=True)
         self._chooser = chooser
         self._coded = stream.quantised
         self._memory = batches
@@ -267,11 +267,11 @@ class ChosenObjects:
         self.short = found < self._size and found <= self._objects
 
     def _fill(self, batch: Batch) -> None:
-        """Choose a batch, and ask for its boxes."""
+        """Choose a batch, and prefetch its boxes."""
         self._size = min(2 * self._size, AHEAD_OBJECTS)
         try:
             ranges = batch.fill(self._chooser, self._size, self._coded)
-            if batch.asked:
+            if batch.prefetched:
                 self._scans[0].boxes.prefetch(ranges)
         finally:
             batch.ready.set()
@@ -285,14 +285,14 @@ class ChosenObjects:
                 to_fill = self._turn_over()
             n = self._now.take(self._objects, ranges, parents)
             ranges = ranges[:n]
-            asked = self._now.asked
+            prefetched = self._now.prefetched
             self.swept += int((ranges[:, 1] - ranges[:, 0]).sum())
         if to_fill is not None:
             self._fill(to_fill)
         if not n:
             return None
         scan = self._scans[worker]
-        scan.boxes.choose(ranges, asked)
+        scan.boxes.choose(ranges, prefetched)
         return Chunk(scan, ranges, parents[:n] if self._coded else None)
 
     def _turn_over(self) -> Batch | None:

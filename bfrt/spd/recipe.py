@@ -137,16 +137,16 @@ class SpdScene(abc.ABC):
         width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
         total = len(self.materials) * MATERIAL_BYTES
         for kind, count in self.counts.items():
-            records = self.vertices if kind == Kind.POLYGON else count
+            records = self.vertices if kind.counted else count
             total += records * SCALARS[kind] * 4 + count * width
-            total += 0 if kind == Kind.SPHERE else count * BOX_BYTES
-            total += count * OFFSET_BYTES if kind == Kind.POLYGON else 0
+            total += count * BOX_BYTES if kind.boxed else 0
+            total += count * OFFSET_BYTES if kind.counted else 0
         return total
 
     @property
     def hierarchy_bytes(self) -> int:
         """Return the most bytes of its hierarchy: a twentieth of the store, and quantised boxes."""
-        boxed = sum(count for kind, count in self.counts.items() if kind != Kind.SPHERE)
+        boxed = sum(count for kind, count in self.counts.items() if kind.boxed)
         return self.store_bytes // 20 + boxed * CODE_BYTES
 
     def blocks(self, limit: int = BLOCK_OBJECTS, dtype: Scalar = np.float64) -> Iterator[Block]:

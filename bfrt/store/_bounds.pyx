@@ -10,7 +10,8 @@ from bfrt.geometry.box cimport Box, box_add, box_clear
 from bfrt.geometry.coordinates cimport Frame, number
 from bfrt.geometry.shape cimport Shape, shape_bounds, shape_load
 from bfrt.geometry.vector cimport larger, vec
-from bfrt.records cimport POLYGON
+
+from bfrt.records import Kind
 
 cpdef enum:
     LARGEST = 64  # boxes kept aside while a group is written
@@ -22,6 +23,7 @@ ctypedef fused scalar:
 # Objects of one kind as they lie in memory; of polygons, how many vertices each has.
 cdef struct Block:
     int kind
+    bint counted          # whether objects have several records: vertices
     Frame frame
     const unsigned char* records
     int64_t scalars       # of an object; of a polygon's vertex
@@ -51,7 +53,7 @@ cdef int64_t bound_all(const Block* block, Box* boxes, int64_t n,
     cdef int64_t i, numbers, size = 8 if wide else 4
     for i in range(n):
         numbers = block.scalars
-        if block.kind == POLYGON:
+        if block.counted:
             numbers *= block.counts[i]
         if not finite(record, numbers, wide):
             return i
@@ -92,7 +94,7 @@ def bound(int kind, const scalar[:, ::1] records, const uint32_t[::1] counts, or
     """
     cdef Block block
     cdef int64_t degenerate = 0, bad
-    block.kind = kind
+    block.kind, block.counted = kind, Kind(kind).counted
     block.frame.wide = scalar is double
     block.frame.origin = vec(origin[0], origin[1], origin[2])
     block.records = <const unsigned char*>&records[0, 0] if records.shape[0] else NULL

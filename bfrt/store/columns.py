@@ -29,7 +29,7 @@ from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
 
 #: Objects that are read back at once, for wider materials or for the hierarchy.
-BLOCK = 65536
+READ_BACK_AT_ONCE = 65536
 
 
 class Prepared(NamedTuple):
@@ -100,9 +100,9 @@ class StreamWriter:
         self.locality = Locality()
         self._expected = 0
         names = ["geometry"]
-        if kind != Kind.SPHERE:
+        if kind.boxed:
             names.append("boxes")
-        if kind == Kind.POLYGON:
+        if kind.counted:
             names.append("offsets")
         self.files: dict[str, FileWriter] = {}
         try:
@@ -177,16 +177,16 @@ class StreamWriter:
 
     def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
         """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""
-        quantised = settings.bits > 0 and self.kind != Kind.SPHERE
+        quantised = settings.bits > 0 and self.kind.boxed
         return HierarchyWriter(
             self._folder, settings, surface, durable=self._durable, quantised=quantised
         )
 
     def _boxes(self, origin: Vector) -> Boxes:
         """Yield the boxes of the complete stream, block by block."""
-        if self.kind == Kind.SPHERE:
-            return sphere_boxes(self.files["geometry"].path, self.wide, origin)
-        return file_boxes(self.files["boxes"].path)
+        if self.kind.boxed:
+            return file_boxes(self.files["boxes"].path)
+        return sphere_boxes(self.files["geometry"].path, self.wide, origin)
 
     def close(self) -> dict[str, Any]:
         """Make the files durable; return the stream's part of the header, without levels."""
@@ -241,10 +241,10 @@ def sphere_boxes(path: Path, wide: bool, origin: Vector) -> Iterator[NDArray[np.
 
 
 def _blocks(path: Path, size: int) -> Iterator[bytes]:
-    """Yield a file's records of `size` bytes, up to BLOCK of them at a time."""
+    """Yield a file's records of `size` bytes, up to READ_BACK_AT_ONCE of them at a time."""
     try:
         with path.open("rb") as file:
-            while block := file.read(BLOCK * size):
+            while block := file.read(READ_BACK_AT_ONCE * size):
                 if len(block) % size:
                     raise ShortReadError(path, file.tell() - len(block) % size, size, len(block))
                 yield block

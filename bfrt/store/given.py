@@ -71,7 +71,7 @@ def column_of(name: str, value: ArrayLike, n: int, dtype: np.dtype[Any]) -> NDAr
 def records_of(kind: Kind, value: ArrayLike) -> NDArray[Any]:
     """Return records (n, scalars) of a kind that is not a polygon."""
     records = floats_of(kind.label, value)
-    if records.ndim != 2 or records.shape[1] != SCALARS[kind] or kind == Kind.POLYGON:
+    if records.ndim != 2 or records.shape[1] != SCALARS[kind] or kind.counted:
         raise SceneError(
             f"{kind.label}: found records of shape {records.shape}, expected (n, {SCALARS[kind]})"
         )

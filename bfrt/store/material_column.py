@@ -11,7 +11,7 @@ from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 
 #: Materials that are read back at once, to be written in wider integers.
-BLOCK = 65536
+READ_BACK_AT_ONCE = 65536
 
 
 class MaterialColumn:
@@ -42,14 +42,14 @@ class MaterialColumn:
         wider = FileWriter(self._path.with_suffix(f".{width}"), self._durable)
         self._file, self.bytes = wider, width
         if old is None:
-            for done in range(0, self._count, BLOCK):
-                n = min(BLOCK, self._count - done)
+            for done in range(0, self._count, READ_BACK_AT_ONCE):
+                n = min(READ_BACK_AT_ONCE, self._count - done)
                 wider.write(np.full(n, self.first, f"<u{width}"))
             return
         old.close()
         try:
             with old.path.open("rb") as file:
-                while block := file.read(BLOCK):
+                while block := file.read(READ_BACK_AT_ONCE):
                     wider.write(np.frombuffer(block, f"<u{old_bytes}").astype(f"<u{width}"))
             old.path.unlink()
         except OSError as error:

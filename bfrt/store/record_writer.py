@@ -33,7 +33,7 @@ from bfrt.store.store import PALETTE, bounds_to
 MOST_GROUPS = 1 << STREAM_BITS - KIND_BITS
 
 #: Objects whose boxes are worked out at once: what bounds memory beside the caller's block.
-BLOCK = 65536
+BOXES_AT_ONCE = 65536
 
 
 class RecordWriter:
@@ -149,8 +149,8 @@ class RecordWriter:
         records = records_of(kind, records)
         indices = self._material_indices(materials, len(records))
         with self._writing():
-            for first in range(0, len(records), BLOCK):
-                last = first + BLOCK
+            for first in range(0, len(records), BOXES_AT_ONCE):
+                last = first + BOXES_AT_ONCE
                 part = indices[first:last]
                 own = records[first:last].copy()
                 self.add(self.prepare(kind, own, np.zeros_like(part), part, group))

@@ -104,19 +104,19 @@ class Stream:
 
     @property
     def boxed(self) -> bool:
-        """Tell whether boxes are stored: those of spheres, and in treelets, are worked out."""
-        return self.kind != Kind.SPHERE and not self.ordered
+        """Tell whether boxes are stored; others are worked out of the records, of one size."""
+        return self.kind.boxed and (self.kind.counted or not self.ordered)
 
     def path(self, name: str) -> Path:
         return self.folder / name
 
     def expected_bytes(self) -> dict[str, int]:
         """Return the size of each file, bytes, that the counts imply."""
-        records = self.vertices if self.kind == Kind.POLYGON else self.count
+        records = self.vertices if self.kind.counted else self.count
         sizes = {"geometry": records * self.stride}
         if self.boxed:
             sizes["boxes"] = self.count * BOX_BYTES
-        if self.kind == Kind.POLYGON:
+        if self.kind.counted:
             sizes["offsets"] = self.count * OFFSET_BYTES
         if self.material_bytes:
             sizes["materials"] = self.count * self.material_bytes

@@ -19,7 +19,7 @@ from pathlib import Path
 from bfrt.errors import DiskFullError, SettingError, StreamError
 
 #: What the system says when there is no room: the disk's, and the user's where there are quotas.
-FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
+DISK_FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
 
 
 #: What it says where folders cannot be synced: some network file systems, and folders that one
@@ -61,7 +61,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         with contextlib.suppress(OSError):  # the first error is the one to hear about
             temporary.unlink()
         # Some systems only find out at close that there was no room.
-        if isinstance(error, OSError) and error.errno in FULL:
+        if isinstance(error, OSError) and error.errno in DISK_FULL:
             raise refused(target, 0, error, "writing") from error
         raise
     sync_folder(target.parent)
@@ -107,7 +107,7 @@ def refused(path: str | os.PathLike[str], offset: int, error: OSError, doing: st
     if isinstance(error, StreamError):
         return error
     number = error.errno or errno.EIO
-    kind = DiskFullError if number in FULL else StreamError
+    kind = DiskFullError if number in DISK_FULL else StreamError
     return kind(path, offset, number, doing)
 
 

@@ -16,7 +16,7 @@ cdef class SharedFile:
     cdef readonly object path
     cdef readonly int64_t size
     cdef int fd
-    cdef int asked_fd      # the same, of which the system was told not to read ahead
+    cdef int prefetch_fd   # the same, without the system's own read-ahead
     cdef int64_t last_end
     cdef int64_t bytes_read
     cdef int64_t seeks
@@ -34,22 +34,22 @@ cdef class Reader:
     cdef size_t span       # bytes of the next read: twice the last, up to the capacity
     cdef int64_t position
     cdef int64_t stop
-    cdef int64_t wanted    # reads end here, where so much of the window is known to be wanted
+    cdef int64_t ahead     # reads end here, where so much of the window is known to be needed
     cdef int fd            # of the file's, the one that is read
     cdef readonly SharedFile file
 
-    cpdef int expect(self, bint asked) except -1
+    cpdef int expect(self, bint prefetched) except -1
     cpdef int window(self, int64_t begin, int64_t stop) except -1
     cdef const unsigned char* refill(self, size_t n) except NULL nogil
-    cdef int read_more(self, size_t wanted) except -1 nogil
+    cdef int read_more(self, size_t n) except -1 nogil
     cdef int jump(self, int64_t n) except -1 nogil
     cdef int pass_over(self, int64_t n) except -1 nogil
-    cdef void ask(self, int64_t begin, int64_t end) noexcept nogil
+    cdef void prefetch(self, int64_t begin, int64_t end) noexcept nogil
 
 
-cdef inline void want(Reader r, int64_t end) noexcept nogil:
-    """Have reads end there, and begin with a whole buffer: all up to it is wanted."""
-    r.wanted = end
+cdef inline void read_ahead(Reader r, int64_t end) noexcept nogil:
+    """Have reads end there, and begin with a whole buffer: all up to it is needed."""
+    r.ahead = end
     r.span = r.capacity
 
 

@@ -5,9 +5,9 @@ there is one). A short read is not the end of the file, and an interrupted one i
 
 A gap is read through where that is cheaper than to seek over it. After a seek reads begin small
 and double while they go on, so that a lonely record does not cost a whole buffer; but where a
-caller knows what is wanted (`want`), just that is read, at once. Who knows it before it is needed
-asks for it (`ask`): many requests are then under way together, and the file is read by a second
-descriptor, of which the system is told not to read ahead by itself.
+caller knows how far it reads (`read_ahead`), just that is read, at once. What is known before it is
+needed is prefetched: many requests are then under way together, and the file is read by a second
+descriptor, for which the system's own read-ahead is switched off.
 """
 
 cimport cython
@@ -25,7 +25,7 @@ cdef extern from *:
     """
     #include <fcntl.h>
     #include <unistd.h>
-    static inline void bfrt_prefetch(int fd, int64_t offset, int64_t n) {
+    static inline void bfrt_will_need(int fd, int64_t offset, int64_t n) {
     #ifdef POSIX_FADV_WILLNEED
         (void)posix_fadvise(fd, offset, n, POSIX_FADV_WILLNEED);
     #else
@@ -40,7 +40,7 @@ cdef extern from *:
     #endif
     }
     """
-    void prefetch "bfrt_prefetch"(int fd, int64_t offset, int64_t n) noexcept nogil
+    void will_need "bfrt_will_need"(int fd, int64_t offset, int64_t n) noexcept nogil
     void no_read_ahead "bfrt_no_read_ahead"(int fd) noexcept nogil
     ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
 
@@ -48,7 +48,7 @@ cdef enum:
     PAGE = 4096
     MOST = 1 << 30  # bytes of one read: some systems refuse those of 2^31 and more
     GAP = 1 << 16   # bytes that are read through: a seek costs as much as 30 to 100 KB of reading
-    ASKED_GAP = 1 << 14  # where many requests are under way, a request costs as much as so many
+    PREFETCH_GAP = 1 << 14  # where many requests are under way, a request costs as much as so many
 
 
 @cython.final
@@ -59,8 +59,8 @@ cdef class SharedFile:
     ----------
     path : path-like
         The file.
-    asked : bool
-        Whether it will be read where that is asked for before, too.
+    prefetched : bool
+        Whether it will be read where that is prefetched, too.
 
     Raises
     ------
@@ -68,15 +68,15 @@ cdef class SharedFile:
         If it cannot be opened.
     """
 
-    def __cinit__(self, path, bint asked=False):
-        self.fd = self.asked_fd = -1
+    def __cinit__(self, path, bint prefetched=False):
+        self.fd = self.prefetch_fd = -1
         self.path = os.fspath(path)
         try:
             self.fd = self.opened()
             self.size = os.fstat(self.fd).st_size
-            if asked:
-                self.asked_fd = self.opened()
-                no_read_ahead(self.asked_fd)
+            if prefetched:
+                self.prefetch_fd = self.opened()
+                no_read_ahead(self.prefetch_fd)
         except OSError as error:
             raise StreamError(self.path, 0, error.errno, "opening") from None
 
@@ -85,7 +85,7 @@ cdef class SharedFile:
         return os.open(self.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
 
     def __dealloc__(self):
-        for fd in (self.fd, self.asked_fd):
+        for fd in (self.fd, self.prefetch_fd):
             if fd >= 0:
                 os.close(fd)
 
@@ -123,31 +123,31 @@ cdef class Reader:
     def __dealloc__(self):
         PyMem_RawFree(self.buffer)
 
-    def rewind(self, bint asked=False):
+    def rewind(self, bint prefetched=False):
         """Begin a new sweep of the file, with an empty window at its start.
 
         Parameters
         ----------
-        asked : bool
-            Whether what is read is asked for before.
+        prefetched : bool
+            Whether what is read is prefetched.
         """
         self.at = self.end = self.buffer
-        self.position = self.stop = self.wanted = 0
+        self.position = self.stop = self.ahead = 0
         self.span = self.least
-        self.expect(asked)
+        self.expect(prefetched)
 
-    cpdef int expect(self, bint asked) except -1:
-        """Choose how the file is read from here: by requests ahead, or in order by read-ahead.
+    cpdef int expect(self, bint prefetched) except -1:
+        """Choose how the file is read from here: prefetched, or in order by read-ahead.
 
         Raises
         ------
         ValueError
-            If the file was not opened for requests.
+            If the file was not opened to be prefetched.
         """
-        if asked and self.file.asked_fd < 0:
+        if prefetched and self.file.prefetch_fd < 0:
             raise ValueError(f"{self.file.path}: found a file that is only read in order")
-        self.gap = ASKED_GAP if asked else GAP
-        self.fd = self.file.asked_fd if asked else self.file.fd
+        self.gap = PREFETCH_GAP if prefetched else GAP
+        self.fd = self.file.prefetch_fd if prefetched else self.file.fd
         return 0
 
     cpdef int window(self, int64_t begin, int64_t stop) except -1:
@@ -168,7 +168,7 @@ cdef class Reader:
             self.at += begin - now
         else:
             self.jump(begin - now)
-        self.stop = self.wanted = stop
+        self.stop = self.ahead = stop
         if self.position > stop:  # the last window had more: give it back
             self.end -= self.position - stop
             self.position = stop
@@ -192,7 +192,7 @@ cdef class Reader:
             return self.jump(n)
         while n > 0:
             if self.at == self.end:
-                if self.position >= self.wanted:
+                if self.position >= self.ahead:
                     return self.jump(n)
                 self.refill(1)
                 self.at -= 1
@@ -201,12 +201,12 @@ cdef class Reader:
             n -= step
         return 0
 
-    cdef void ask(self, int64_t begin, int64_t end) noexcept nogil:
+    cdef void prefetch(self, int64_t begin, int64_t end) noexcept nogil:
         """Have the system begin to read the bytes [begin, end)."""
-        prefetch(self.fd, begin, end - begin)
+        will_need(self.fd, begin, end - begin)
 
     cdef const unsigned char* refill(self, size_t n) except NULL nogil:
-        """Read until n bytes are there, and as many more as the buffer holds and are wanted."""
+        """Read until n bytes are there, and as many more as the buffer holds, up to `ahead`."""
         cdef size_t left = self.end - self.at
         cdef int64_t rest = self.stop - self.position
         cdef size_t room
@@ -217,7 +217,7 @@ cdef class Reader:
         memmove(self.buffer, self.at, left)
         self.at = self.buffer
         self.end = self.buffer + left
-        rest = max(min(rest, self.wanted - self.position), <int64_t>(n - left))
+        rest = max(min(rest, self.ahead - self.position), <int64_t>(n - left))
         room = min(self.capacity - left, max(self.span, n - left))
         if <int64_t>room > rest:
             room = rest
@@ -226,18 +226,18 @@ cdef class Reader:
             atomic_add(&self.file.seeks, 1)
         while room > 0:
             room -= self.read_more(min(room, <size_t>MOST))
-        rest = min(self.stop, self.wanted) - self.position
+        rest = min(self.stop, self.ahead) - self.position
         if rest > 0 and self.span == self.capacity:
-            prefetch(self.fd, self.position, min(rest, <int64_t>self.capacity))
+            will_need(self.fd, self.position, min(rest, <int64_t>self.capacity))
         p = self.at
         self.at += n
         return p
 
-    cdef int read_more(self, size_t wanted) except -1 nogil:
-        """Read once; return how much of `wanted` came."""
+    cdef int read_more(self, size_t n) except -1 nogil:
+        """Read once, n bytes at the most; return how many came."""
         cdef ssize_t got
         while True:
-            got = pread(self.fd, <void*><uintptr_t>self.end, wanted, self.position)
+            got = pread(self.fd, <void*><uintptr_t>self.end, n, self.position)
             if got > 0:
                 break
             if got < 0 and errno == EINTR:
@@ -245,7 +245,7 @@ cdef class Reader:
             with gil:
                 if got < 0:
                     raise StreamError(self.file.path, self.position, errno, "reading")
-                raise ShortReadError(self.file.path, self.position, wanted, 0)
+                raise ShortReadError(self.file.path, self.position, n, 0)
         self.end += got
         self.position += got
         self.file.last_end = self.position

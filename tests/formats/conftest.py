@@ -10,4 +10,4 @@ from bfrt.formats import arrays
 @pytest.fixture
 def small_blocks(monkeypatch):
     """Arrays are read by rows so few that a small file has several blocks."""
-    monkeypatch.setattr(arrays, "BLOCK", 3)
+    monkeypatch.setattr(arrays, "POINTS_AT_ONCE", 3)

@@ -14,9 +14,10 @@ CUBE = [-1.0, -1, -1, 1, 1, 1]
 NOWHERE = [np.inf, -np.inf]
 
 
-def span(box, origin, direction, grow=0.0):
+def span(box, origin, direction, padding=0.0):
     boxes = np.array([box], np.float32)
-    return _kernels.spans(boxes, grow, np.array([origin], float), np.array([direction], float))[0]
+    origins, directions = np.array([origin], float), np.array([direction], float)
+    return _kernels.spans(boxes, padding, origins, directions)[0]
 
 
 def test_bounds_are_the_nearest_float32_outside():

@@ -22,7 +22,7 @@ from bfrt.phases import preprocess, traversal
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.outliers import Outliers
-from bfrt.phases.preprocess import grid_of, growth
+from bfrt.phases.preprocess import grid_of, padding_of
 from bfrt.records import HIT, INDEX_BITS, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
 from bfrt.reference.independent import Objects, agree, stable
@@ -58,9 +58,9 @@ def check_oracle(objects, store, origins, directions):
     return mask.sum()
 
 
-def spans(box, grow, origins, directions):
+def spans(box, padding, origins, directions):
     boxes = np.tile(np.array(box, np.float32), (len(origins), 1))
-    return _kernels.spans(boxes, grow, np.ascontiguousarray(origins), directions)
+    return _kernels.spans(boxes, padding, np.ascontiguousarray(origins), directions)
 
 
 def one_record(kind, objects):
@@ -83,10 +83,10 @@ def test_rule_1_a_hit_counts_within_the_span_of_the_grown_box(tmp_path):
         in_plane = corners[0] + weight @ (corners[1:] - corners[0])
         directions = rng.normal(size=(400, 2)) @ (corners[1:] - corners[0])
         origins = in_plane - 3 * directions
-        grow = 2.0**-30 * np.linalg.norm(box[3:] - box[:3])
+        padding = 2.0**-30 * np.linalg.norm(box[3:] - box[:3])
         alone = meet(Kind.TRIANGLE, corners, origins, directions)
-        ruled = meet(Kind.TRIANGLE, corners, origins, directions, grow)
-        near, far = spans(alone.box, grow, origins, directions).T
+        ruled = meet(Kind.TRIANGLE, corners, origins, directions, padding)
+        near, far = spans(alone.box, padding, origins, directions).T
         inside = np.clip(alone.t, near, far)
         met = alone.hit & (near <= far) & (inside > 0)
         np.testing.assert_array_equal(ruled.t, np.where(met, inside, np.inf))
@@ -158,15 +158,15 @@ def test_rule_2_slabs_and_crossings_are_one_expression(tmp_path):
 
 def test_rule_3_a_range_is_that_of_the_box_grown_by_2d(tmp_path):
     """By the table of planes: a box that ends on a plane is in the voxels of both sides."""
-    grow = 2.0**-20
-    grid = Grid([0.0] * 3, [8.0] * 3, (8, 8, 8), grow)
-    for near_plane in (0.0, 1.5 * grow, -1.5 * grow):
+    padding = 2.0**-20
+    grid = Grid([0.0] * 3, [8.0] * 3, (8, 8, 8), padding)
+    for near_plane in (0.0, 1.5 * padding, -1.5 * padding):
         box = [float(np.float32(grid.tables[k][i] + s * near_plane))
                for i, s in ((3, 1), (5, -1)) for k in range(3)]  # fmt: skip
         first, last = grid.range_of(box)
         for k, planes in enumerate(grid.tables):
-            assert planes[first[k]] <= box[k] - 2 * grow
-            assert planes[last[k] + 1] > box[3 + k] + 2 * grow
+            assert planes[first[k]] <= box[k] - 2 * padding
+            assert planes[last[k] + 1] > box[3 + k] + 2 * padding
             assert (first[k], last[k]) == (2, 5)
     # So no ray through corners of the grid slips past what ends there.
     rng = np.random.default_rng(3)
@@ -186,16 +186,16 @@ def test_rule_3_a_range_is_that_of_the_box_grown_by_2d(tmp_path):
 def test_rule_4_an_axis_without_direction_never_steps(tmp_path):
     """The ray is inside where lo <= o <= hi, ends included; also where 1 / d overflows."""
     box = [-1, -1, -1, 1, 1, 1]
-    grow = 2.0**-30
-    edge = 1.0 + grow
+    padding = 2.0**-30
+    edge = 1.0 + padding
     for zero in (0.0, -0.0, 1e-310, -1e-310):
         origins = np.array([[-3, y, 0] for y in (
             edge, np.nextafter(edge, 2), -edge, np.nextafter(-edge, -2), 0.5)])  # fmt: skip
         directions = np.tile([1.0, zero, zero], (5, 1))
-        found = spans(box, grow, origins, directions)
+        found = spans(box, padding, origins, directions)
         np.testing.assert_array_equal(np.isfinite(found[:, 0]), [True, False, True, False, True])
-        assert (found[np.isfinite(found)].reshape(-1, 2) == [2 - grow, 4 + grow]).all()
-        grid = Grid([0.0] * 3, [8.0] * 3, (8, 8, 8), grow)
+        assert (found[np.isfinite(found)].reshape(-1, 2) == [2 - padding, 4 + padding]).all()
+        grid = Grid([0.0] * 3, [8.0] * 3, (8, 8, 8), padding)
         for y in (grid.tables[1][3], 2.5):  # on a plane, and between two
             way = grid.walk([-1.0, y, y], [1.0, zero, -zero])
             at = np.array([(v % 8, v // 8 % 8, v // 64) for v, _, _ in way])
@@ -213,7 +213,7 @@ def test_rule_5_the_grid_spans_the_grown_boxes_and_walks_start_where_they_are(tm
     objects = fast.stored(flat_scene(rng, 40))
     store = fast.write(objects, tmp_path / "s.bfrt", origin=ORIGIN)
     (group,) = store.groups
-    d = growth(store)
+    d = padding_of(store)
     assert d == 2.0**-30 * store.bounds.diagonal
     grid = grid_of(store, group, resolution(group.grid_bounds, 4000))
     low, high = ([p[end] for p in grid.tables] for end in (0, -1))
@@ -356,7 +356,7 @@ def test_rule_8_what_ties_is_met(tmp_path, monkeypatch):
     (group,) = store.groups
     group = replace(group, outliers=[Kind.POLYGON << INDEX_BITS])
     store = replace(store, groups=[group])
-    assert far + growth(store) == far
+    assert far + padding_of(store) == far
     x = np.linspace(-0.9, 0.8, 7)
     origins = np.column_stack([x, x * 0.5, np.full(7, far + 0.5)])
     directions = np.tile([0, 0, -1.0], (7, 1))

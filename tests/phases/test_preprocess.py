@@ -95,7 +95,7 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
         (Kind.SPHERE, 8, "geometry", 16),
     ],
 )
-def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, width):
+def test_of_boxes_those_are_read_that_are_chosen(tmp_path, kind, bits, name, width):
     """And short gaps between, but no byte beyond: what comes next is far."""
     corners = np.random.default_rng(1).random((100_000, 9), np.float32)
     with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(bits=bits)) as writer:
@@ -103,7 +103,7 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
     (stream,) = open_store(tmp_path / "a.bfrt").streams
     files = StreamFiles(stream, lazy=True)
     scan = StreamScan(stream, (0.0,) * 3, files, np.empty(0, np.int64), 1 << 18)
-    scan.rewind(asked=True)
+    scan.rewind(prefetched=True)
     scan.window(0, 90_020)
     grid = Grid((0.0,) * 3, (1.0,) * 3, (4, 4, 4), 0.0)
     marks = np.zeros(grid.layered, np.uint8)
@@ -114,8 +114,8 @@ def test_of_boxes_those_are_read_that_are_wanted(tmp_path, kind, bits, name, wid
     parents = np.array([[0, 0, 0, 1, 1, 1]] * 5, np.float32) if stream.quantised else None
     mark(scan, ranges, parents, grid, Subspace(grid, 0, 4), marks)
     assert marks.any()
-    wanted = (b + 10 - 5) + 10 + 40_000 + 10
-    assert files.counts()[0] == width * wanted
+    chosen = (b + 10 - 5) + 10 + 40_000 + 10
+    assert files.counts()[0] == width * chosen
     assert name in stream.files
 
 

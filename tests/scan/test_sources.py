@@ -118,7 +118,7 @@ def test_chosen_objects_come_once(rings, workers):
 
 @pytest.mark.parametrize("ahead", [64, 1 << 17])
 @pytest.mark.parametrize("dense", [0.9, 1.1])
-def test_all_are_chosen_once_and_asked_for_before(store, workers, ahead, dense, monkeypatch):
+def test_all_are_chosen_once_and_prefetched(store, workers, ahead, dense, monkeypatch):
     """Unless all of a batch are chosen: then they are read in order."""
     monkeypatch.setattr(sources, "AHEAD_OBJECTS", ahead)
     monkeypatch.setattr(sources, "DENSE", dense)
@@ -126,22 +126,22 @@ def test_all_are_chosen_once_and_asked_for_before(store, workers, ahead, dense, 
     selection = Selection(scans, workers.threads, hierarchy=True)
     (stream,) = store.streams
     for _ in range(2):  # a second pass begins anew
-        asked = []
+        chosen = []
         fill = Batch.fill
 
-        def filled(batch, *given, fill=fill, asked=asked):
+        def filled(batch, *given, fill=fill, chosen=chosen):
             ranges = fill(batch, *given)
-            assert batch.asked == (dense > 1 and len(ranges) > 0)
-            asked.extend(ranges.tolist())
+            assert batch.prefetched == (dense > 1 and len(ranges) > 0)
+            chosen.extend(ranges.tolist())
             return ranges
 
         monkeypatch.setattr(Batch, "fill", filled)
         seen = [[] for _ in range(workers.threads)]
         source = selection.near(stream, EVERYWHERE, Subspace(EVERYWHERE, 0, 4))
 
-        def meet(worker, chunk, seen=seen, asked=asked):
+        def meet(worker, chunk, seen=seen, chosen=chosen):
             assert (chunk.parents[:, :3] <= chunk.parents[:, 3:]).all()
-            assert chunk.ranges[-1].tolist() in asked
+            assert chunk.ranges[-1].tolist() in chosen
             seen[worker].extend(chunk.ranges.tolist())
 
         workers.drain(source, meet)
@@ -150,7 +150,7 @@ def test_all_are_chosen_once_and_asked_for_before(store, workers, ahead, dense, 
         taken = np.array(sorted(itertools.chain(*seen)))
         assert taken[0, 0] == 0 and taken[-1, 1] == stream.count
         np.testing.assert_array_equal(taken[1:, 0], taken[:-1, 1])
-        assert asked == taken.tolist()
+        assert chosen == taken.tolist()
 
 
 def test_a_walk_that_failed_is_not_gone_on_with(store, monkeypatch):
@@ -219,7 +219,7 @@ def dropped(path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux is asked, and tells what is cached")
-def test_boxes_that_are_asked_for_come(tmp_path):
+def test_boxes_that_are_prefetched_come(tmp_path):
     """And what lies between them does not."""
     with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
         writer.triangles(np.random.default_rng(1).random((200_000, 3, 3), np.float32))
@@ -229,7 +229,7 @@ def test_boxes_that_are_asked_for_come(tmp_path):
     if not dropped(path):
         pytest.skip("this file system does not drop a file's pages")
     scans = GroupScans(store, store.groups[0], 1, 4096, lazy=True)
-    (scan,) = scans.begin(stream, asked=True)
+    (scan,) = scans.begin(stream, prefetched=True)
     scan.boxes.prefetch(np.array([[10, 20], [100_000, 110_000], [150_000, 150_100]]))
     deadline = time.monotonic() + 60
     for first, end in ((60, 120), (600_000, 660_000), (900_000, 900_600)):

@@ -292,7 +292,7 @@ def test_one_row_at_a_time(folder):
 def test_blocks_are_cut_without_a_trace(folder, monkeypatch):
     tables, counts = scene(n=100)
     for name, block in (("whole.bfrt", 65536), ("cut.bfrt", 7)):
-        monkeypatch.setattr(record_writer, "BLOCK", block)
+        monkeypatch.setattr(record_writer, "BOXES_AT_ONCE", block)
         with StoreWriter(folder / name) as writer:
             numbers = [writer.material(Material(kd=kd / 512)) for kd in range(300)]
             give(writer, tables, counts, numbers[0])
@@ -383,7 +383,7 @@ def test_materials_take_the_smallest_integers(folder, blocks, width):
 
 
 def test_many_materials_of_a_block_before_the_first_difference(folder, monkeypatch):
-    monkeypatch.setattr(record_writer, "BLOCK", 10)
+    monkeypatch.setattr(record_writer, "BOXES_AT_ONCE", 10)
     with StoreWriter(folder / "a.bfrt") as writer:
         for kd in range(3):
             writer.material(Material(kd=kd))

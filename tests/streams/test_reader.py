@@ -221,7 +221,7 @@ def test_a_shared_file_is_closed(path):
     lowest = [os.open(path, os.O_RDONLY) for _ in range(2)]
     for descriptor in lowest:
         os.close(descriptor)
-    file = SharedFile(path, asked=True)
+    file = SharedFile(path, prefetched=True)
     assert [os.fstat(descriptor).st_size for descriptor in lowest] == 2 * [len(DATA)]
     del file
     for descriptor in lowest:
@@ -229,9 +229,9 @@ def test_a_shared_file_is_closed(path):
             os.fstat(descriptor)
 
 
-def test_what_is_asked_for_is_the_same_file(path):
-    reader = Reader(SharedFile(path, asked=True), PAGE)
-    reader.rewind(asked=True)
+def test_what_is_prefetched_is_the_same_file(path):
+    reader = Reader(SharedFile(path, prefetched=True), PAGE)
+    reader.rewind(prefetched=True)
     reader.window(0, len(DATA))
     assert reader.read(PAGE) == DATA[:PAGE]
     reader.expect(False)  # from here on the system reads ahead
@@ -243,7 +243,7 @@ def test_what_is_asked_for_is_the_same_file(path):
 def test_a_file_that_is_read_in_order(path):
     reader = reader_of(path)
     with pytest.raises(ValueError, match=f"{path.name}: found a file that is only read in order"):
-        reader.rewind(asked=True)
+        reader.rewind(prefetched=True)
 
 
 def test_records_of_two_buffers_are_whole(path):

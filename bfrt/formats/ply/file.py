@@ -15,13 +15,13 @@ from bfrt.formats.object_writer import cast
 from bfrt.formats.ply._rows import Fault, Rows
 from bfrt.formats.ply.element import Element, Property
 from bfrt.formats.ply.header import Place, read_header
-from bfrt.formats.source import CHUNK_BYTES, Report, Source, shown
+from bfrt.formats.source import CHUNK_BYTES, Report, Source, quoted
 from bfrt.formats.text import MOST_CORNERS
 
 log = logging.getLogger(__name__)
 
 #: Rows of one size that are read at once, and their bytes unless one row has more.
-BLOCK = 1 << 16
+ROWS_AT_ONCE = 1 << 16
 BLOCK_BYTES = 32 << 20
 
 
@@ -83,7 +83,7 @@ class Ply:
         start = self._place(number).offset
         self._place(number + 1)  # all of it is there
         rows = element.row_dtype(self.layout, names)
-        most = max(1, min(BLOCK, BLOCK_BYTES // rows.itemsize))
+        most = max(1, min(ROWS_AT_ONCE, BLOCK_BYTES // rows.itemsize))
         self.source.seek(start)
         for block in self.source.blocks(rows, element.rows, most):
             out = np.empty((len(block), len(names)), dtype)
@@ -152,14 +152,14 @@ class Ply:
     def _fault(self, element: Element, rows: Rows, at: int) -> SceneError:
         where = f"line {rows.line}: " if self.layout == "text" else ""
         row = f"row {rows.row} of {element.name}"
-        found = shown(rows.token) if self.layout == "text" else f"{rows.found:.15g}"
-        told = {
+        found = quoted(rows.token) if self.layout == "text" else f"{rows.found:.15g}"
+        messages = {
             Fault.BAD_NUMBER: f"found {found} in {row}, expected a number",
             Fault.NEGATIVE_COUNT: f"found {found} in {row}, expected a list's count, 0 or more",
             Fault.NO_INDEX: f"found {found} in {row}, expected a vertex's whole number",
             Fault.LONG_FACE: f"found {found} corners in {row}, expected {MOST_CORNERS} or fewer",
         }
-        return SceneError(f"{self.name}: {where}{told[Fault(rows.fault)]}")
+        return SceneError(f"{self.name}: {where}{messages[Fault(rows.fault)]}")
 
     def __enter__(self) -> Ply:
         return self

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from bfrt.errors import SceneError
 from bfrt.formats.ply._rows import MOST_PROPERTIES
 from bfrt.formats.ply.element import TYPES, WHOLE, Element, Property
-from bfrt.formats.source import Source, shown
+from bfrt.formats.source import Source, quoted
 from bfrt.records import INDEX_BITS
 
 LAYOUTS = {"ascii": "text", "binary_little_endian": "little", "binary_big_endian": "big"}
@@ -60,7 +60,7 @@ def read_header(source: Source) -> Header:
         number += 1
         line = text[at : end if end >= 0 else len(text)]
         words = line.decode("ascii", "backslashreplace").split()
-        where = f"{source.name}: line {number}: found {shown(line.rstrip())}, expected"
+        where = f"{source.name}: line {number}: found {quoted(line.rstrip())}, expected"
         if number == 1 and words != ["ply"]:
             raise SceneError(f"{where} ply")
         if end < 0:

@@ -17,7 +17,7 @@ from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
 from bfrt.formats.source import Report
 
 #: What full color is.
-FULL = {1: 255.0, 3: 65535.0}
+FULL_COLOR = {1: 255.0, 3: 65535.0}
 
 POSITION = ("x", "y", "z")
 
@@ -115,7 +115,7 @@ def missing(ply: Ply, names: Sequence[str], where: str) -> SettingError:
 def scale_of(element: Element, names: Sequence[str]) -> float:
     """Return the divisor that scales colors to 0 to 1; 1 for a plain number."""
     found = element.find(names[0]) if len(names) == len(COLORS) else None
-    return 1.0 if found is None else FULL.get(found.kind, 1.0)
+    return 1.0 if found is None else FULL_COLOR.get(found.kind, 1.0)
 
 
 def own(values: NDArray[Any]) -> NDArray[Any]:

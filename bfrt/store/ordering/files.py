@@ -50,8 +50,8 @@ class OrderedFiles:
         self._materials = MaterialColumn(folder, durable)
         self._files: dict[str, FileWriter] = {}
         names = ["geometry", "ids", "nodes", "treelets"]
-        if layout.kind == Kind.POLYGON:
-            names.append("offsets")
+        if layout.kind.counted:
+            names += ["offsets", "boxes"]
         try:
             for name in names:
                 self._files[name] = FileWriter(folder / name, durable)
@@ -69,6 +69,7 @@ class OrderedFiles:
             ends = self._vertices + np.cumsum(objects.counts, dtype=np.uint64)
             files["offsets"].write(ends.astype("<u4"))
             self._vertices = int(ends[-1])
+            files["boxes"].write(window.boxes)
         treelets = window.treelets
         treelets["first"] += self._done
         treelets["node"] += self.nodes

@@ -15,9 +15,8 @@ from bfrt.records import OFFSET_BYTES, Kind
 from bfrt.store.ordering.objects import Layout, Objects
 from bfrt.streams.atomic_write import refused
 
-#: Objects that are read at once, and bytes of their records, about.
-BLOCK = 1 << 16
-BLOCK_BYTES = 1 << 22
+#: Objects that are read at once.
+OBJECTS_AT_ONCE = 1 << 16
 
 
 class GivenFiles(NamedTuple):
@@ -44,13 +43,13 @@ class GivenFiles(NamedTuple):
         with ExitStack() as stack:
             geometry = _Column(stack, self.folder / "geometry")
             offsets = materials = None
-            if self.layout.kind == Kind.POLYGON:
+            if self.layout.kind.counted:
                 offsets = _Column(stack, self.folder / "offsets")
             if self.material_bytes:
                 materials = _Column(stack, self.folder / "materials")
             done = vertices = 0
             while done < self.objects:
-                n = min(BLOCK, self.objects - done)
+                n = min(OBJECTS_AT_ONCE, self.objects - done)
                 counts = np.empty(0, np.uint32)
                 records = n
                 if offsets is not None:

@@ -35,7 +35,7 @@ class Layout(NamedTuple):
     @property
     def stride(self) -> int:
         """Return the bytes of a record; for polygons, of a vertex."""
-        return SCALARS[self.kind] * (8 if self.wide else 4)
+        return self.kind.scalars * (8 if self.wide else 4)
 
 
 class Objects(NamedTuple):
@@ -65,16 +65,16 @@ class Objects(NamedTuple):
     def boxes(self, layout: Layout) -> NDArray[np.float32]:
         """Compute their boxes, (n, 6), as the writer does."""
         scalar = np.float64 if layout.wide else np.float32
-        records = self.geometry.view(scalar).reshape(-1, SCALARS[layout.kind])
+        records = self.geometry.view(scalar).reshape(-1, layout.kind.scalars)
         boxes = np.empty((self.number, 6), np.float32)
-        counts = self.counts if layout.kind == Kind.POLYGON else self.materials
+        counts = self.counts if layout.kind.counted else self.materials
         bound(layout.kind, records, counts, layout.origin, boxes)
         return boxes
 
     def taken(self, order: NDArray[np.uint32], layout: Layout) -> Objects:
         """Return some of them, in an order."""
         materials, ids = self.materials[order], self.ids[order]
-        if layout.kind == Kind.POLYGON:
+        if layout.kind.counted:
             counts = self.counts[order]
             geometry = np.empty(int(counts.sum(dtype=np.int64)) * layout.stride, np.uint8)
             ends = np.cumsum(self.counts, dtype=np.int64)
@@ -86,7 +86,7 @@ class Objects(NamedTuple):
 
     def between(self, first: int, last: int, layout: Layout) -> Objects:
         """Return the objects [first, last): views."""
-        if layout.kind == Kind.POLYGON:
+        if layout.kind.counted:
             begin = int(self.counts[:first].sum(dtype=np.int64))
             end = begin + int(self.counts[first:last].sum(dtype=np.int64))
             counts = self.counts[first:last]

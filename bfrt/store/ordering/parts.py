@@ -114,7 +114,7 @@ def by_place(source: Source, means: Means) -> Iterator[Objects]:
 
 def weights_of(some: Objects, layout: Layout) -> Weights:
     """Return the weight of each object."""
-    if layout.kind == Kind.POLYGON:
+    if layout.kind.counted:
         weights: Weights = 1 + some.counts.astype(np.int64) // WEIGHING
         return weights
     return np.ones(some.number, np.int64)
@@ -138,7 +138,7 @@ def _counted(source: Source, means: Means) -> tuple[Weights, Weights, Weights]:
     """Return the weight, the objects and the records in each cell."""
     cells = 1 << 3 * CELL_BITS
     sums = np.zeros((3, cells), np.int64)
-    polygons = source.layout.kind == Kind.POLYGON
+    polygons = source.layout.kind.counted
     for some in _placed(source, means):
         objects = np.bincount(some.cells, minlength=cells)
         sums[1] += objects

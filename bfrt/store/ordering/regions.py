@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import Kind
-from bfrt.store.ordering.given import BLOCK
+from bfrt.store.ordering.given import OBJECTS_AT_ONCE
 from bfrt.store.ordering.objects import Layout, Objects
 from bfrt.streams.atomic_write import nameless, refused
 from bfrt.streams.writer import view_of
@@ -40,7 +40,7 @@ class Regions:
     def __init__(self, layout: Layout, objects: Sizes, records: Sizes, scratch: Path) -> None:
         self._layout = layout
         self._path = scratch / "parts"
-        counted = COUNT_BYTES if layout.kind == Kind.POLYGON else 0
+        counted = COUNT_BYTES if layout.kind.counted else 0
         sizes = np.stack(
             [records * layout.stride, objects * counted, objects * MATERIAL_BYTES,
              objects * ID_BYTES], 1,
@@ -72,10 +72,10 @@ class Regions:
             at = self._begins[region].copy()
             left = int(self._at[region, 2] - at[2]) // MATERIAL_BYTES
             while left:
-                n = min(left, BLOCK)
+                n = min(left, OBJECTS_AT_ONCE)
                 counts = np.empty(0, np.uint32)
                 records = n
-                if self._layout.kind == Kind.POLYGON:
+                if self._layout.kind.counted:
                     counts = self._read(at, 1, n * COUNT_BYTES).view(np.uint32)
                     records = int(counts.sum(dtype=np.int64))
                 yield Objects(

@@ -123,7 +123,7 @@ def test_colors_of_the_files_own(file):
 def test_blocks_and_layouts_make_the_same_store(file, monkeypatch):
     found = set()
     for layout, size in itertools.product(LAYOUTS, (3, 7, 100)):
-        monkeypatch.setattr(arrays_module, "BLOCK", size)
+        monkeypatch.setattr(arrays_module, "POINTS_AT_ONCE", size)
         write(file, snapshot(), layout, "latest" if size == 7 else None)
         found.add(convert(file, radius=1, color_by="Masses").checksum)
     assert len(found) == 1

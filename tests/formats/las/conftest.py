@@ -19,4 +19,4 @@ def laz(tmp_path):
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(las_module, "BLOCK", 7)
+    monkeypatch.setattr(las_module, "POINTS_AT_ONCE", 7)

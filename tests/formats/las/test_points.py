@@ -41,7 +41,7 @@ def test_round_trip(tmp_path_factory, count, scale, suffix, block):
     path = tmp_path_factory.mktemp("las") / f"a{suffix}"
     scan = write(path, 3, count, UTM, scale)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(las_module, "BLOCK", block)
+        patch.setattr(las_module, "POINTS_AT_ONCE", block)
         assert shapes_of(convert(path, radius=1)) == spheres(places(scan), 1)
 
 
@@ -99,7 +99,7 @@ def test_blocks_and_threads_make_the_same_spheres(laz, monkeypatch):
     """Chunks that are larger than usual are decompressed in parts, and those are the same."""
     write(laz, count=200)
     whole = objects_of(convert(laz, radius=1, color_by="intensity"))
-    monkeypatch.setattr(las_module, "BLOCK", 33)
+    monkeypatch.setattr(las_module, "POINTS_AT_ONCE", 33)
     for most in (laz_module.MOST_POINTS, 0):
         monkeypatch.setattr(laz_module, "MOST_POINTS", most)
         assert objects_of(convert(laz, radius=1, color_by="intensity")) == whole

@@ -42,7 +42,7 @@ def test_on_disk_as_in_memory(
     scratch = tmp_path_factory.mktemp("join")
     before = open_files()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mesh_module, "BLOCK", lookups)
+        patch.setattr(mesh_module, "LOOKUPS_AT_ONCE", lookups)
         patch.setattr(mesh_module, "SPREAD", spread)
         corners, counts = together(joined_on_disk(mesh, most, scratch))
     right, sizes = together(joined_in_memory(mesh))

@@ -88,7 +88,7 @@ def test_round_trip(tmp_path_factory, dtype, row, count, block, version):
     save_as(path, array, version)
     points = row in ((3,), (4,))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arrays_module, "BLOCK", block)
+        patch.setattr(arrays_module, "POINTS_AT_ONCE", block)
         found = shapes_of(convert(path, radius=1 if row == (3,) else None))
     flat = array.reshape(count, np.prod(row)).astype(float)
     if points:

@@ -153,7 +153,7 @@ def test_blocks_of_any_size_make_the_same_store(npz, save, arrays, asked, monkey
     save(npz, **arrays)
     whole = convert(npz, **asked).checksum
     for size in (3, 19):
-        monkeypatch.setattr(arrays_module, "BLOCK", size)
+        monkeypatch.setattr(arrays_module, "POINTS_AT_ONCE", size)
         assert convert(npz, **asked).checksum == whole
     monkeypatch.undo()
     monkeypatch.setattr(arrays_module, "BLOCK_BYTES", 50)
@@ -163,7 +163,7 @@ def test_blocks_of_any_size_make_the_same_store(npz, save, arrays, asked, monkey
 def test_colors_are_the_same_for_blocks_of_any_size(npz, monkeypatch):
     np.savez(npz, centers=CENTERS, rgb=RNG.random((20, 3)))
     whole = objects_of(convert(npz, radius=1, color_by="rgb"))
-    monkeypatch.setattr(arrays_module, "BLOCK", 3)
+    monkeypatch.setattr(arrays_module, "POINTS_AT_ONCE", 3)
     assert objects_of(convert(npz, radius=1, color_by="rgb")) == whole
 
 

@@ -31,7 +31,7 @@ def test_bytes(file, header):
 
 
 def test_bytes_in_blocks(file, monkeypatch):
-    monkeypatch.setattr(stl_module, "BLOCK", 2)
+    monkeypatch.setattr(stl_module, "FACETS_AT_ONCE", 2)
     file.write_bytes(binary())
     assert shapes_of(convert(file)) == expected(TRIANGLES)
 
@@ -164,7 +164,7 @@ def test_round_trip(tmp_path_factory, seed, n, form, size):
     file.write_bytes(binary(triangles) if form == "bytes" else text(triangles, " x"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(source_module, "CHUNK_BYTES", size)
-        patch.setattr(stl_module, "BLOCK", max(size >> 4, 1))
+        patch.setattr(stl_module, "FACETS_AT_ONCE", max(size >> 4, 1))
         assert shapes_of(convert(file)) == expected(triangles)
 
 
@@ -190,7 +190,7 @@ def test_more_than_4_gib(file, count):
         pytest.skip("no such large files here")
     with Source(file) as source:
         (block,) = itertools.islice(facets_of(source), 1)
-        assert block.shape == (stl_module.BLOCK, 9)
+        assert block.shape == (stl_module.FACETS_AT_ONCE, 9)
         last = size - 50
         source.seek(last)
         (facet,) = source.blocks(stl_module.FACET, 1, 1)
