@@ -68,7 +68,7 @@ class TracedGroup:
         self._layout = layout_of(group, self._cut, hierarchy)
         self._marks_path = marks_path(store, group, settings.scratch_beside(store.path))
         self._grid = grid_of(store, group, self._cut.shape, self._cut.axis)
-        self._outliers = Outliers(store, group)
+        self._outliers = Outliers(store, group, scans.order)
         self._slabs: Slabs | None = None
         self._intersectors: list[Intersector] = []
 
@@ -114,7 +114,8 @@ class TracedGroup:
         self._slabs = Slabs(self._grid, marks, self._limits.slab, self._workers)
         voxel_rays = VoxelRays(self._cut.shape, self._cut.lower_bits, blocks)
         self._intersectors = [
-            Intersector(self._grid, voxel_rays) for _ in range(self._workers.threads)
+            Intersector(self._grid, voxel_rays, self.scans.order)
+            for _ in range(self._workers.threads)
         ]
         return Accelerator(self._slabs, voxel_rays, self._outliers)
 

@@ -27,6 +27,7 @@ from bfrt.records cimport Ray
 from bfrt.scan.boxes cimport BoxCursor, block_union, decode, go_to
 from bfrt.scan.deferred cimport DeferredTests
 from bfrt.scan.geometry cimport vertices_in
+from bfrt.scan.given_order cimport GivenOrder
 from bfrt.scan.scan cimport StreamScan, next_block, object_id, record_in_block
 from bfrt.streams.atomic cimport atomic_load
 
@@ -252,17 +253,22 @@ cdef class Intersector:
     grid : Grid
     voxel_rays : VoxelRays
         Where the rays of a pass are stored.
+    order : GivenOrder
+        Which of two objects comes first.
     """
 
     cdef Search search
+    cdef GivenOrder order
     cdef Grid grid
     cdef VoxelRays voxel_rays
     cdef DeferredTests deferred
     cdef Ray[::1] rays
     cdef CrossingBuffer crossings
 
-    def __cinit__(self, Grid grid, VoxelRays voxel_rays):
+    def __cinit__(self, Grid grid, VoxelRays voxel_rays, GivenOrder order not None):
         self.grid = grid
+        self.order = order
+        self.search.pending.order = <void*>order
         self.voxel_rays = voxel_rays
         self.deferred = DeferredTests(grid.padding)
         self.search.planes = &grid.planes

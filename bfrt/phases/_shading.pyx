@@ -15,7 +15,7 @@ from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
 from bfrt.scan.geometry cimport GeometryCursor, next_records, pick_record, vertices_in
-from bfrt.scan.materials cimport MaterialCursor, next_material, pick_material
+from bfrt.scan.column cimport ColumnCursor, next_number, pick_number
 from bfrt.scan.scan cimport StreamScan
 
 import numpy as np
@@ -32,10 +32,12 @@ cdef struct Shaded:
     Shape shape
     Box box
     const Material* material
+    uint64_t id    # by the order given
 
 # A hit and the surface there, its normals turned to the ray.
 cdef struct Interaction:
     const Hit* hit
+    uint64_t id    # of the object
     const Material* material
     Surface surface
     Vec d          # the ray's direction, a unit vector
@@ -142,10 +144,11 @@ cdef class Shader:
             IN. Ascending by id, all among those objects.
         """
         cdef GeometryCursor g = scan.geometry
-        cdef MaterialCursor m = scan.materials
+        cdef ColumnCursor m = scan.materials, ids = scan.ids
         cdef Shaded shaded
         cdef int64_t at = 0, left = n
-        cdef uint64_t id = (<uint64_t>scan.number << INDEX_BITS) + <uint64_t>g.index
+        cdef uint64_t first = <uint64_t>scan.number << INDEX_BITS
+        cdef uint64_t id = first + <uint64_t>g.index
         cdef uint32_t material
         cdef int block, i
         with nogil:
@@ -153,7 +156,8 @@ cdef class Shader:
                 block = next_records(g, left)
                 left -= block
                 for i in range(block):
-                    material = next_material(m)
+                    material = <uint32_t>next_number(m)
+                    shaded.id = next_number(ids) | first
                     if at < hits.shape[0] and hits[at].id == id:
                         self.load(
                             g, g.block + i * g.stride, vertices_in(g, i), material, &shaded
@@ -164,14 +168,15 @@ cdef class Shader:
     def shade_picked(self, StreamScan scan, const Hit[::1] hits):
         """Shade hits on the objects that the scan picks: only those are read."""
         cdef GeometryCursor g = scan.geometry
-        cdef MaterialCursor m = scan.materials
+        cdef ColumnCursor m = scan.materials, ids = scan.ids
         cdef Shaded shaded
         cdef const unsigned char* record
         cdef uint32_t material
         cdef int64_t at = 0
         with nogil:
             while at < hits.shape[0]:
-                material = pick_material(m)
+                material = <uint32_t>pick_number(m)
+                shaded.id = pick_number(ids) | <uint64_t>scan.number << INDEX_BITS
                 record = pick_record(g)
                 self.load(g, record, g.count, material, &shaded)
                 at += self.shade_object(&shaded, &hits[at], hits.shape[0] - at)
@@ -215,7 +220,7 @@ cdef class Shader:
         cdef Surface* s = &i.surface
         cdef Vec own
         cdef int64_t k
-        i.hit, i.material = h, m
+        i.hit, i.id, i.material = h, shaded.id, m
         i.d = unit(l.d)
         shape_surface(&shaded.shape, &l, h.t, s)
         own = s.shading
@@ -249,7 +254,7 @@ cdef class Shader:
             return
         seen[0] = <float>length(sub(p, self.eye))
         put(seen + 1, n)
-        self.film.ids[element] = h.id
+        self.film.ids[element] = i.id
         if self.film.positions.shape[0]:
             put(&self.film.positions[element, 0], add(p, self.origin))
         if self.film.albedos.shape[0]:

@@ -46,6 +46,7 @@ def intersect_all(
         source = selection.near(stream, traversal.grid, traversal.voxel_rays, fewest)
         workers.drain(source, meet, finisher(intersectors, scans.of(stream)))
         swept += source.swept
+    scans.order.check()
     phase = counters.phases.intersection
     counters.sweep(swept + selection.count(phase), scans)
     phase.swept(scans)

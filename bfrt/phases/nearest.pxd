@@ -4,7 +4,8 @@ from libc.math cimport isfinite
 from libc.stdint cimport uint64_t
 
 from bfrt.geometry.vector cimport Line, line, vec
-from bfrt.records cimport SHADOW, Ray
+from bfrt.records cimport NO_HIT, SHADOW, Ray
+from bfrt.scan.given_order cimport GivenOrder, comes_first
 
 
 cdef inline Line ray_line(const Ray* r) noexcept nogil:
@@ -20,11 +21,11 @@ cdef inline bint ray_bad(const Ray* r) noexcept nogil:
     )
 
 
-cdef inline void nearer(Ray* r, double t, uint64_t id) noexcept nogil:
-    """Take a hit if it is nearer than the one so far.
+cdef inline void nearer(Ray* r, double t, uint64_t id, GivenOrder order) noexcept nogil:
+    """Take a hit if it is nearer than the one so far; of two at one t, the object given first.
 
     Any hit is enough for a shadow ray: t = -1 then keeps it from every further test.
     """
-    if t < r.t or (t == r.t and id < r.id):
+    if t < r.t or (t == r.t and (r.id == NO_HIT or comes_first(order, id, r.id))):
         r.t = -1.0 if r.kind == SHADOW else t
         r.id = id

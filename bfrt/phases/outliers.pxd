@@ -7,6 +7,7 @@ from bfrt.geometry.shape cimport BoxHit, Shape, shape_meet
 from bfrt.geometry.vector cimport Line
 from bfrt.phases.nearest cimport nearer
 from bfrt.records cimport Ray
+from bfrt.scan.given_order cimport GivenOrder
 
 cdef struct Outlier:
     Shape shape
@@ -18,6 +19,7 @@ cdef class Outliers:
     cdef Outlier* outliers
     cdef readonly int count
     cdef list records  # what the shapes point into
+    cdef GivenOrder order
 
 
 cdef inline void meet_outliers(Outliers self, Ray* ray, const Line* line, double padding,
@@ -33,4 +35,4 @@ cdef inline void meet_outliers(Outliers self, Ray* ray, const Line* line, double
         object_tests[0] += 1
         shape_meet(&self.outliers[i].shape, &m, 1)
         if m.t >= 0.0:
-            nearer(ray, m.t, self.outliers[i].id)
+            nearer(ray, m.t, self.outliers[i].id, self.order)

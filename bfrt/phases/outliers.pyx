@@ -14,6 +14,7 @@ from bfrt.geometry.shape cimport BoxHit, shape_bounds, shape_load
 from bfrt.phases.crossings cimport CrossingBuffer, cross, hand_over
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.records cimport Ray
+from bfrt.scan.given_order cimport GivenOrder
 from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
 from bfrt.ids import index_of, stream_of
 from bfrt.scan.files import StreamFiles
@@ -31,14 +32,16 @@ cdef class Outliers:
     ----------
     store : bfrt.store.store.Store
     group : bfrt.store.store.Group
+    order : GivenOrder
     """
 
-    def __cinit__(self, store, group):
+    def __cinit__(self, store, group, GivenOrder order not None):
         cdef GeometryCursor g
         cdef uint32_t count
         cdef Outlier* out
         cdef bytes record
         self.records = []
+        self.order = order
         self.outliers = <Outlier*>PyMem_RawMalloc(max(1, len(group.outliers)) * sizeof(Outlier))
         if self.outliers == NULL:
             raise MemoryError("outliers")

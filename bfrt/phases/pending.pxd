@@ -7,6 +7,7 @@ from bfrt.geometry.shape cimport BoxHit, Shape, shape_meet
 from bfrt.phases.crossings cimport CrossingBuffer, cross
 from bfrt.phases.nearest cimport nearer
 from bfrt.records cimport Ray
+from bfrt.scan.given_order cimport GivenOrder
 from bfrt.streams.atomic cimport atomic_load, lock, unlock
 
 cdef extern from *:
@@ -17,6 +18,7 @@ cdef extern from *:
 
 cdef struct Pending:
     Ray* rays               # in flight, of which the pending ones are some
+    void* order             # a GivenOrder
     void* crossings         # a CrossingBuffer where all hits are wanted, or NULL: the nearest
     int n
     BoxHit meetings[LANES]
@@ -47,7 +49,7 @@ cdef inline int test_pending(Pending* p, const Shape* shape, uint64_t id) except
         r = &p.rays[m.mark]
         if 0.0 <= m.t <= atomic_load(&r.t):
             lock(&r.lock)
-            nearer(r, m.t, id)
+            nearer(r, m.t, id, <GivenOrder>p.order)
             unlock(&r.lock)
     p.n = 0
     return 0

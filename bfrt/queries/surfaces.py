@@ -72,6 +72,7 @@ class Surfaces:
     def __init__(self, hits: NDArray[Any], workers: Workers) -> None:
         self._normals = np.empty((len(hits), 3), np.float32)
         self._uvs = np.empty((len(hits), 2), np.float32)
+        self._keys = np.empty(len(hits), np.uint64)
         self._hits = hits
         self._ids = np.ascontiguousarray(hits["id"])
         self._workers = workers
@@ -90,7 +91,7 @@ class Surfaces:
         def resolve(_: int, chunk: tuple[StreamScan, slice]) -> None:
             scan, some = chunk
             own = slice(starts[some.start], starts[some.stop])
-            surfaces(scan, self._hits[own], self._normals[own], self._uvs[own])
+            surfaces(scan, self._hits[own], self._keys[own], self._normals[own], self._uvs[own])
 
         self._workers.drain(source, resolve)
 
@@ -98,7 +99,7 @@ class Surfaces:
         """Return the hits with what was found, (n,) of SURFACE; t is that of the rays asked."""
         hits = self._hits
         found = np.empty(len(hits), SURFACE)
-        found["number"], found["key"] = hits["number"], hits["id"]
+        found["number"], found["key"] = hits["number"], self._keys
         found["t"] = np.ldexp(hits["t"] + hits["moved"], -hits["power"])
         found["normal"], found["uv"] = self._normals, self._uvs
         return found

@@ -17,7 +17,7 @@ def lines(
 ) -> None: ...
 def meet(
     cursor: GeometryCursor,
-    n: int,
+    objects: NDArray[np.uint64],
     padding: float,
     rays: NDArray[np.float64],
     t: NDArray[np.float64],
@@ -25,7 +25,7 @@ def meet(
 ) -> None: ...
 def cross(
     cursor: GeometryCursor,
-    n: int,
+    objects: NDArray[np.uint64],
     padding: float,
     rays: NDArray[np.float64],
     found: list[tuple[int, float, int]],

@@ -10,7 +10,7 @@ from bfrt.geometry.shape cimport (
 )
 from bfrt.geometry.vector cimport Line, Vec, line, vec
 from bfrt.phases.nearest cimport ray_bad
-from bfrt.records cimport INDEX_BITS, Ray
+from bfrt.records cimport Ray
 from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
 
 cdef enum:
@@ -112,9 +112,9 @@ def lines(const double[:, ::1] origins, const double[:, ::1] directions, double[
             )
 
 
-def meet(GeometryCursor cursor, int64_t n, double padding, const double[:, ::1] rays, double[::1] t,
-         uint64_t[::1] ids):
-    """Meet the next n objects of a cursor with every ray.
+def meet(GeometryCursor cursor, const uint64_t[::1] objects, double padding,
+         const double[:, ::1] rays, double[::1] t, uint64_t[::1] ids):
+    """Meet the next objects of a cursor, which have these ids, with every ray.
 
     Nothing is culled by the hit so far. The box is that of the geometry, not the one on disk.
 
@@ -133,15 +133,15 @@ def meet(GeometryCursor cursor, int64_t n, double padding, const double[:, ::1] 
     cdef Shape shape
     cdef Box box
     cdef uint64_t id
-    cdef int64_t k, count = rays.shape[0]
+    cdef int64_t i, k, count = rays.shape[0]
     cdef int pending
     if count == 0:
         return
     nearest.t = &t[0]
     nearest.id = &ids[0]
     with nogil:
-        for _ in range(n):
-            id = (<uint64_t>cursor.number << INDEX_BITS) + <uint64_t>cursor.index
+        for i in range(objects.shape[0]):
+            id = objects[i]
             next_records(cursor, 1)
             if not shape_load(
                 cursor.kind, cursor.block, vertices_in(cursor, 0), &cursor.frame, &shape
@@ -164,8 +164,9 @@ def meet(GeometryCursor cursor, int64_t n, double padding, const double[:, ::1] 
             keep_nearest(&met[0], pending, id, &nearest)
 
 
-def cross(GeometryCursor cursor, int64_t n, double padding, const double[:, ::1] rays, list found):
-    """Find all hits of the next n objects of a cursor with every ray.
+def cross(GeometryCursor cursor, const uint64_t[::1] objects, double padding,
+          const double[:, ::1] rays, list found):
+    """Find all hits of the next objects of a cursor, which have these ids, with every ray.
 
     Parameters
     ----------
@@ -180,10 +181,10 @@ def cross(GeometryCursor cursor, int64_t n, double padding, const double[:, ::1]
     cdef Box box
     cdef double t[2]
     cdef uint64_t id
-    cdef int64_t k
+    cdef int64_t j, k
     cdef int i
-    for _ in range(n):
-        id = (<uint64_t>cursor.number << INDEX_BITS) + <uint64_t>cursor.index
+    for j in range(objects.shape[0]):
+        id = objects[j]
         next_records(cursor, 1)
         if not shape_load(cursor.kind, cursor.block, vertices_in(cursor, 0), &cursor.frame, &shape):
             continue

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SettingError
+from bfrt.ids import object_id
 from bfrt.phases.preprocess import padding_of
 from bfrt.records import NO_HIT
 from bfrt.reference._exhaustive import (
@@ -79,6 +80,7 @@ def nearest(
     t = np.full(len(start), np.inf)
     ids = np.full(len(start), NO_HIT, np.uint64)
     padding = padding_of(store)
+    objects = {stream.number: ids_of(stream) for stream in store.streams}
     cursors = [[cursor_of(store, stream) for stream in store.streams] for _ in range(threads)]
 
     def chunk(worker: int, first: int, last: int) -> None:
@@ -90,7 +92,7 @@ def nearest(
         for stream, cursor in zip(store.streams, cursors[worker], strict=True):
             cursor.rewind()
             cursor.window(0, stream.count)
-            meet(cursor, stream.count, padding, rays, t[part], ids[part])
+            meet(cursor, objects[stream.number], padding, rays, t[part], ids[part])
         t[part] = lengths(t[part] + moved, powers)  # only now: rounded, two hits might tie
 
     workers = Workers(threads)
@@ -139,7 +141,7 @@ def crossings(
     for stream in store.streams:
         cursor = cursor_of(store, stream)
         cursor.window(0, stream.count)
-        cross(cursor, stream.count, padding_of(store), rays, found)
+        cross(cursor, ids_of(stream), padding_of(store), rays, found)
     ray = np.array([f[0] for f in found], np.int64)
     t = lengths(np.array([f[1] for f in found], np.float64) + moved[ray], powers[ray])
     ids = np.array([f[2] for f in found], np.uint64)
@@ -160,6 +162,15 @@ def lengths(t: Array, powers: NDArray[np.int32]) -> Array:
     """Return t (n,) in lengths of the directions before they were divided by powers of two."""
     with np.errstate(over="ignore"):  # then it is no number, and a miss
         return np.ldexp(t, -powers)
+
+
+def ids_of(stream: Stream) -> NDArray[np.uint64]:
+    """Return the ids of all objects of a stream, as they are stored."""
+    if stream.ordered:
+        places = np.fromfile(stream.path("ids"), f"<u{stream.id_bytes}").astype(np.uint64)
+    else:
+        places = np.arange(stream.count, dtype=np.uint64)
+    return places | np.uint64(object_id(stream.number, 0))
 
 
 def cursor_of(store: Store, stream: Stream) -> GeometryCursor:

@@ -1,17 +1,18 @@
-"""One worker's cursors over one stream: over its boxes, geometry and materials."""
+"""One worker's cursors over one stream: over its boxes, geometry, materials and ids."""
 
 from libc.stdint cimport int64_t, uint64_t
 
 from bfrt.records cimport INDEX_BITS
 from bfrt.scan.boxes cimport BoxCursor, next_boxes
+from bfrt.scan.column cimport ColumnCursor
 from bfrt.scan.geometry cimport GeometryCursor, next_records, vertices_in
-from bfrt.scan.materials cimport MaterialCursor
 
 
 cdef class StreamScan:
     cdef readonly BoxCursor boxes
     cdef readonly GeometryCursor geometry
-    cdef readonly MaterialCursor materials
+    cdef readonly ColumnCursor materials
+    cdef readonly ColumnCursor ids
     cdef readonly int kind
     cdef readonly int number
     cdef readonly bint lazy

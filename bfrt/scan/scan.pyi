@@ -4,15 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.scan.boxes import BoxCursor
+from bfrt.scan.column import ColumnCursor
 from bfrt.scan.files import StreamFiles
 from bfrt.scan.geometry import GeometryCursor
-from bfrt.scan.materials import MaterialCursor
 from bfrt.store.store import Stream
 
 class StreamScan:
     boxes: BoxCursor
     geometry: GeometryCursor
-    materials: MaterialCursor
+    materials: ColumnCursor
+    ids: ColumnCursor
     kind: int
     number: int
     lazy: bool

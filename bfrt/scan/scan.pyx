@@ -4,8 +4,8 @@ cimport cython
 from libc.stdint cimport int64_t
 
 from bfrt.scan.boxes cimport BoxCursor
+from bfrt.scan.column cimport ColumnCursor
 from bfrt.scan.geometry cimport GeometryCursor
-from bfrt.scan.materials cimport MaterialCursor
 
 
 @cython.final
@@ -27,7 +27,7 @@ cdef class StreamScan:
 
     Attributes
     ----------
-    boxes, geometry, materials
+    boxes, geometry, materials, ids
         The cursors.
     lazy : bool
         Whether only those records are read that are needed (the paper's refinement G).
@@ -44,7 +44,10 @@ cdef class StreamScan:
         self.in_step = not self.lazy and stream.boxed
         self.boxes = BoxCursor(stream, origin, files, outliers, capacity)
         self.geometry = GeometryCursor(stream, origin, files, capacity)
-        self.materials = MaterialCursor(stream, files, capacity // 8)
+        self.materials = ColumnCursor(
+            files, "materials", stream.material_bytes, capacity // 8, stream.material
+        )
+        self.ids = ColumnCursor(files, "ids", stream.id_bytes, capacity // 8)
 
     def rewind(self, bint prefetched=False):
         """Begin again at the first object: boxes are read in order, or are prefetched.
@@ -54,6 +57,7 @@ cdef class StreamScan:
         self.boxes.rewind(prefetched)
         self.geometry.rewind(self.lazy)
         self.materials.rewind(self.lazy)
+        self.ids.rewind(self.lazy)
 
     def window(self, int64_t first, int64_t last):
         """Go forward to object `first`, to read up to `last` (exclusive) in order: boxes, and
@@ -63,9 +67,10 @@ cdef class StreamScan:
             self.geometry.window(first, last)
 
     def pick(self, const int64_t[:, ::1] objects):
-        """Go forward to objects, ranges of one each, whose geometry and materials are read."""
+        """Go forward to objects, ranges of one each, whose geometry, materials and ids are read."""
         self.geometry.pick(objects)
         self.materials.pick(objects)
+        self.ids.pick(objects)
 
     def counts(self):
         """Count the objects whose geometry was read since the last call."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from bfrt.ids import index_of, stream_of
 from bfrt.scan.files import StreamFiles
+from bfrt.scan.given_order import GivenOrder
 from bfrt.scan.scan import StreamScan
 from bfrt.store.store import Group, Store, Stream
 
@@ -31,11 +32,14 @@ class GroupScans:
     ----------
     streams : list of Stream
         The streams of the group.
+    order : GivenOrder
+        Which of two objects of the store comes first.
     """
 
     def __init__(self, store: Store, group: Group, threads: int, buffer: int, lazy: bool) -> None:
         self.streams = group.streams
         self.lazy = lazy
+        self.order = GivenOrder(store.streams)
         self._files = {stream.number: StreamFiles(stream, lazy) for stream in group.streams}
         self._scans: dict[int, list[StreamScan]] = {}
         for stream in group.streams:

@@ -116,15 +116,16 @@ class AllObjects:
 
 
 class AllRecords(AllObjects):
-    """Hands out the geometry and the materials of all objects of a stream, and no boxes."""
+    """Hands out the geometry, the materials and the ids of all objects of a stream, and no boxes."""
 
     def _set(self, scan: StreamScan, first: int, last: int) -> None:
         scan.geometry.window(first, last)
         scan.materials.window(first, last)
+        scan.ids.window(first, last)
 
 
 class PickedObjects:
-    """Hands out objects that are known one by one, whose geometry and materials are read.
+    """Hands out objects that are known one by one, whose geometry, materials and ids are read.
 
     Parameters
     ----------

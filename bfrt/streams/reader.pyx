@@ -89,6 +89,10 @@ cdef class SharedFile:
             if fd >= 0:
                 os.close(fd)
 
+    def fileno(self):
+        """Return the descriptor that is read in order."""
+        return self.fd
+
     def counts(self):
         """Return the bytes read and the seeks since the last call, as a pair."""
         return atomic_exchange(&self.bytes_read, 0), atomic_exchange(&self.seeks, 0)

@@ -26,6 +26,7 @@ from bfrt.phases.preprocess import grid_of, padding_of
 from bfrt.records import HIT, INDEX_BITS, RAY, Kind, RayKind
 from bfrt.reference import _kernels, exhaustive, independent
 from bfrt.reference.independent import Objects, agree, stable
+from bfrt.scan.given_order import GivenOrder
 from bfrt.store.model import Camera
 from bfrt.workers import Workers
 
@@ -381,7 +382,9 @@ def test_rule_8_what_ties_is_met(tmp_path, monkeypatch):
     for height, voxel in ((3.0, 3), (np.nextafter(np.float32(3.0), np.float32(0.0)), NOWHERE)):
         objects = Objects(vertices=wall * [1, 1, 0] + [0, 0, height], counts=[4])
         store = fast.write(objects, tmp_path / "wall.bfrt", np.float32)
-        outliers = Outliers(store, replace(store.groups[0], outliers=[Kind.POLYGON << INDEX_BITS]))
+        outliers = Outliers(
+            store, replace(store.groups[0], outliers=[Kind.POLYGON << INDEX_BITS]), GivenOrder([])
+        )
         queued = fast.queued([[0.5, 0.5, -1.0]], [[0.0, 0.0, 1.0]], RayKind.REFLECTION)
         pool = RayPool(1, 8)
         pool.admit(queued, 0, 1, grid, outliers)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from bfrt.records import Kind
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
 from bfrt.store.ordering.objects import Layout

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.records import OFFSET_BYTES, Kind
+from bfrt.records import OFFSET_BYTES
 from bfrt.store.ordering.objects import Layout, Objects
 from bfrt.streams.atomic_write import refused
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import SCALARS, Kind
+from bfrt.records import Kind
 from bfrt.store._bounds import bound
 from bfrt.store.model import Vector
 from bfrt.store.ordering._loops import gather, gather_runs

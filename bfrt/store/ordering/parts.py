@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import Kind
 from bfrt.store.extent import NOTHING, Bounds, bounds_of
 from bfrt.store.ordering._loops import codes_of
 from bfrt.store.ordering.objects import Layout, Objects, joined

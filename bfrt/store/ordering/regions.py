@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.records import Kind
 from bfrt.store.ordering.given import OBJECTS_AT_ONCE
 from bfrt.store.ordering.objects import Layout, Objects
 from bfrt.streams.atomic_write import nameless, refused

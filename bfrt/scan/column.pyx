@@ -1,30 +1,35 @@
-"""Cursors over materials."""
+"""Cursors over columns."""
 
 cimport cython
-from libc.stdint cimport int64_t
+from libc.stdint cimport int64_t, uint64_t
 
 from bfrt.scan.runs cimport prefetch_runs
 
 
 @cython.final
-cdef class MaterialCursor:
-    """Reads the palette indices of a stream's objects, forwards.
+cdef class ColumnCursor:
+    """Reads one number for each object of a stream, forwards.
 
     Parameters
     ----------
-    stream : bfrt.store.store.Stream
-        The stream to read.
     files : bfrt.scan.files.StreamFiles
         The open files.
+    name : str
+        The column's file.
+    bytes : int
+        Bytes of a number: 1, 2, 4 or 8; 0 where there is no file.
     capacity : int
         Bytes of the read buffer.
+    one : int, optional
+        The number of all objects where there is no file; without it, each object's is its place.
     """
 
-    def __cinit__(self, stream, files, size_t capacity):
-        self.one = stream.material
-        self.bytes = stream.material_bytes
-        if self.bytes:
-            self.reader = files.reader("materials", capacity)
+    def __cinit__(self, files, name, int bytes, size_t capacity, one=None):
+        self.bytes = bytes
+        self.placed = one is None
+        self.one = 0 if one is None else one
+        if bytes:
+            self.reader = files.reader(name, capacity)
         self.rewind()
 
     def rewind(self, bint prefetched=False):
@@ -41,7 +46,7 @@ cdef class MaterialCursor:
             self.reader.window(first * self.bytes, last * self.bytes)
 
     def pick(self, const int64_t[:, ::1] objects):
-        """Go forward to objects, ranges of one each, whose materials `pick_material` then gives."""
+        """Go forward to objects, ranges of one each, whose numbers `pick_number` then gives."""
         self.window(objects[0, 0], objects[objects.shape[0] - 1, 1])
         self.objects = objects
         self.picking = 0
