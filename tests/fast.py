@@ -26,6 +26,7 @@ from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects
 from bfrt.settings import REFINEMENTS, Settings
 from bfrt.stats import Counters
+from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import Group, Store, open_store
 from bfrt.store.writer import StoreWriter
@@ -239,7 +240,11 @@ def stored(objects: Objects, dtype: type = np.float64) -> Objects:
 
 
 def write(
-    objects: Objects, path: Path, dtype: type = np.float64, origin: ArrayLike | None = None
+    objects: Objects,
+    path: Path,
+    dtype: type = np.float64,
+    origin: ArrayLike | None = None,
+    order: Order = "given",
 ) -> Store:
     """A store of the objects, written as they are or rounded to float32."""
     tables = {
@@ -248,7 +253,7 @@ def write(
         Kind.TRIANGLE: objects.triangles,
         Kind.PATCH: objects.patches,
     }
-    with StoreWriter(path, origin=origin, hierarchy=DEEP) as writer:
+    with StoreWriter(path, origin=origin, hierarchy=DEEP, order=order) as writer:
         for kind, table in tables.items():
             if len(table):
                 writer.append(kind, table.astype(dtype))

@@ -119,8 +119,11 @@ cdef inline void decode(BoxCursor b, int n) noexcept nogil:
     """Have the boxes of the block's n objects in `eight`, of outliers empty ones."""
     if b.coded:
         eight_decoded(&b.coding, b.codes, n, &b.eight)
-    elif b.geometry is not None and b.kind == SPHERE:
-        sphere_boxes(b.records, b.bytes, &b.frame, n, &b.eight)
+    elif b.geometry is not None:
+        if b.kind == SPHERE:
+            sphere_boxes(b.records, b.bytes, &b.frame, n, &b.eight)
+        else:
+            shape_boxes(b.kind, b.records, b.bytes, &b.frame, n, &b.eight)
     clear_outliers(b)
 
 

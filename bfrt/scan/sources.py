@@ -116,7 +116,7 @@ class AllObjects:
 
 
 class AllRecords(AllObjects):
-    """Hands out the geometry, the materials and the ids of all objects of a stream, and no boxes."""
+    """Hands out geometry, materials and ids of all objects of a stream, and no boxes."""
 
     def _set(self, scan: StreamScan, first: int, last: int) -> None:
         scan.geometry.window(first, last)

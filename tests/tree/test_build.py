@@ -7,14 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bfrt.treelets.build import NODE, TreeletBuilder
+from bfrt.records import NODE
+from bfrt.treelets.build import TreeletBuilder
 
-NODE_FIELDS = np.dtype(
-    [
-        ("low", "<f4", 3), ("exponent", "i1", 3), ("inner", "u1"), ("child", "<u4"),
-        ("first", "<u4"), ("count", "u1", 8), ("lo", "u1", (3, 8)), ("hi", "u1", (3, 8)),
-    ]
-)  # fmt: skip
 INNER = 255
 COORDINATES = st.floats(-1, 1, width=32) | st.sampled_from([0.0, 2.0**120, -(2.0**120), 2.0**-140])
 
@@ -25,7 +20,7 @@ def boxes_of(corners):
 
 def check(boxes, treelet, leaf):
     """Build, and look at everything."""
-    builder = TreeletBuilder(len(boxes), leaf, treelet)
+    builder = TreeletBuilder(treelet, leaf)
     nodes, treelets, order = builder.build(boxes)
     assert nodes.dtype == NODE
     assert sorted(order) == list(range(len(boxes)))
@@ -52,9 +47,8 @@ def check(boxes, treelet, leaf):
 
 def below(nodes, number, boxes, leaf):
     """The objects below a node, each of which has its box in those of all nodes above it."""
-    raw = nodes[number : number + 1].view(np.uint8)
-    sides = node_sides(raw)
-    node = raw.view(NODE_FIELDS)[0]
+    node = nodes[number]
+    sides = node_sides(nodes[number : number + 1].view(np.uint8))
     found, child, first = [], int(node["child"]), int(node["first"])
     for i, count in enumerate(node["count"]):
         if count == INNER:
@@ -123,7 +117,7 @@ def test_treelets_come_in_the_order_of_entry_once_each(plain, most):
     corners = rng.uniform(-5, 5, (700, 1, 3)) + rng.uniform(-1, 1, (700, 2, 3))
     corners[100:110] = corners[100]  # that are entered together
     boxes = boxes_of(corners.astype(np.float32))
-    nodes, _, leaves = TreeletBuilder(len(boxes), 1, len(boxes)).build(boxes)
+    nodes, _, leaves = TreeletBuilder(len(boxes), 1).build(boxes)
     raw = nodes.view(np.uint8)
     for _ in range(60):
         origin, direction = rng.uniform(-6, 6, 3), rng.normal(size=3)

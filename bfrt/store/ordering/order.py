@@ -55,7 +55,9 @@ class Ordering:
         """Write all objects in their order, and yield the boxes of each window as it is written."""
         layout = self._given.layout
         means = Means(self._given.folder.parent, usable_threads())
-        windows = as_they_come(self._source) if self._local else by_place(self._source, means)
+        windows = (
+            as_they_come(self._source, means) if self._local else by_place(self._source, means)
+        )
         done = 0
         for window in ordered(windows, layout, means.threads):
             self._look(window.objects.ids, done)

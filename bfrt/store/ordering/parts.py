@@ -52,10 +52,20 @@ class Source(NamedTuple):
 
 
 class Means(NamedTuple):
-    """Says where objects are parted, and by how many threads."""
+    """Says how objects are parted.
+
+    Attributes
+    ----------
+    scratch : Path
+        Folder of the parts.
+    threads : int
+    window : int
+        The most weight of a window.
+    """
 
     scratch: Path
     threads: int
+    window: int = WINDOW
 
 
 class Placed(NamedTuple):
@@ -66,7 +76,7 @@ class Placed(NamedTuple):
     centers: NDArray[np.float64]
 
 
-def as_they_come(source: Source) -> Iterator[Objects]:
+def as_they_come(source: Source, means: Means) -> Iterator[Objects]:
     """Yield all objects in windows, in the order in which they are."""
     held: list[Objects] = []
     weight = 0
@@ -75,8 +85,10 @@ def as_they_come(source: Source) -> Iterator[Objects]:
         first = 0
         while first < block.number:
             before = int(ends[first - 1]) if first else 0
-            last = max(first + 1, int(np.searchsorted(ends, before + WINDOW - weight, "right")))
-            if weight and int(ends[first]) - before + weight > WINDOW:
+            last = max(
+                first + 1, int(np.searchsorted(ends, before + means.window - weight, "right"))
+            )
+            if weight and int(ends[first]) - before + weight > means.window:
                 last = first  # not even one fits
             if last > first:
                 held.append(block.between(first, last, source.layout))
@@ -92,16 +104,16 @@ def as_they_come(source: Source) -> Iterator[Objects]:
 def by_place(source: Source, means: Means) -> Iterator[Objects]:
     """Yield all objects in windows, along a curve through space."""
     if source.around.diagonal == 0.0:  # all in one place
-        yield from as_they_come(source)
+        yield from as_they_come(source, means)
         return
     weights, objects, records = _counted(source, means)
-    part_of, parts = _parts(weights)
+    part_of, parts = _parts(weights, means.window)
     counted = [np.bincount(part_of, each, parts).astype(np.int64) for each in (objects, records)]
-    heavy = np.bincount(part_of, weights, parts) > WINDOW
+    heavy = np.bincount(part_of, weights, parts) > means.window
     regions = Regions(source.layout, counted[0], counted[1], means.scratch)
     try:
         around = _fill(regions, part_of, heavy, source, means)
-        for part in range(parts):
+        for part in np.flatnonzero(counted[0]).tolist():
             if heavy[part]:
                 inner = Source(source.layout, regions.reader(part), around[part])
                 yield from by_place(inner, means)
@@ -148,10 +160,10 @@ def _counted(source: Source, means: Means) -> tuple[Weights, Weights, Weights]:
     return (sums[0], sums[1], sums[2]) if polygons else (sums[1], sums[1], sums[1])
 
 
-def _parts(weights: Weights) -> tuple[NDArray[np.int64], int]:
+def _parts(weights: Weights, window: int) -> tuple[NDArray[np.int64], int]:
     """Return the part of each cell, and the number of parts."""
     ends = np.cumsum(weights)
-    most = max(WINDOW, -(-int(ends[-1]) // (PARTS // 2)))
+    most = max(window, -(-int(ends[-1]) // (PARTS // 2)))
     part_of = np.zeros(len(weights), np.int64)
     first = part = 0
     while first < len(weights):
