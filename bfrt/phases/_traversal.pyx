@@ -3,7 +3,7 @@
 cimport cython
 from libc.math cimport INFINITY
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
-from libc.string cimport memcpy, memmove
+from libc.string cimport memmove
 
 from bfrt.geometry.vector cimport Line
 from bfrt.grid.grid cimport Grid
@@ -11,9 +11,10 @@ from bfrt.grid.planes cimport NOWHERE
 from bfrt.grid.slabs cimport Slab, Slabs
 from bfrt.grid.voxel_rays cimport VoxelRays
 from bfrt.grid.walk cimport Walk, voxel_enter, walk_resume, walk_start
-from bfrt.image.film cimport Film, film_add
+from bfrt.image.film cimport Film
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.phases.outliers cimport Outliers, meet_outliers
+from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
 from bfrt.phases.slab_walk cimport UNSEEN, Outgoing, flush, slab_of, walk_ray
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
 
@@ -21,25 +22,11 @@ import numpy as np
 
 from bfrt.records import CANDIDATE_BYTES, PATH, RAY, RAY_BYTES
 
-cdef extern from *:
-    """
-    /* A shadow ray ends a hair before its light, which is at t = 1. */
-    #define BFRT_LIGHT (1.0 - 0x1p-30)
-    """
-    const double LIGHT "BFRT_LIGHT"
-
 cdef enum:
     NO_SLAB = 1 << 30  # farther than any
 
 #: A ray's memory, in candidates'.
 RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
-
-
-cdef inline void take_over(Ray* r, Path* p, const double* line,
-                           const uint32_t* path) noexcept nogil:
-    """Copy a ray's line and purpose: the fields that all records of a ray have in common."""
-    memcpy(&r.ox, line, 6 * sizeof(double))
-    memcpy(p, path, sizeof(Path))
 
 
 cdef inline void begin(Ray* r, double t, uint64_t id, uint16_t kind) noexcept nogil:
@@ -84,26 +71,6 @@ cdef inline bint complete(const Ray* r, Grid grid) noexcept nogil:
         return False
     line = ray_line(r)
     return r.t < voxel_enter(&grid.planes, &line, r.voxel, r.face)
-
-
-cdef inline void finish_hit(const Ray* r, const Path* p, Hit* h) noexcept nogil:
-    h.ox, h.oy, h.oz = r.ox, r.oy, r.oz
-    h.dx, h.dy, h.dz = r.dx, r.dy, r.dz
-    h.t, h.id = r.t, r.id
-    h.pixel, h.sample, h.kind, h.power = p.pixel, p.sample, p.kind, p.power
-    h.red, h.green, h.blue = p.red, p.green, p.blue
-
-
-cdef inline void finish_miss(const Ray* r, const Path* p, Film film,
-                             const double* background) noexcept nogil:
-    """Give the film a missing ray's light: what a shadow ray carries, or the background."""
-    if r.kind == SHADOW:
-        film_add(film, p.pixel, p.red, p.green, p.blue, 0.0)
-    else:
-        film_add(
-            film, p.pixel, p.red * background[0], p.green * background[1],
-            p.blue * background[2], 0.0,
-        )
 
 
 @cython.final

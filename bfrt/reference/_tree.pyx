@@ -1,13 +1,13 @@
 """What nodes and walks of the tree say, one call at a time: for tests, which ask brute force too."""
 
-from libc.stdint cimport uint8_t, uint32_t, uint64_t
+from libc.stdint cimport uint8_t, uint32_t
 
 import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.vector cimport Line, line, vec
 from bfrt.treelets.node cimport WIDE, Node, Slope, node_boxes, node_spanner, quantum_of, slope_of
-from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Top, next_treelets
+from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, Top, next_treelets
 
 
 cdef Line ray_of(origin, direction):
@@ -56,17 +56,19 @@ def box_met(const float[::1] box, origin, direction, double grow):
 
 
 def treelets_met(const uint8_t[::1] nodes, const uint32_t[::1] leaves, const float[:, ::1] boxes,
-                 origin, direction, double grow, last, double reach, int most, bint plain):
-    """Return the next treelets that a ray enters: [(t, treelet), ...]."""
-    cdef Line l = ray_of(origin, direction)
-    cdef Slope slope = slope_of(&l, grow)
+                 ray, first, double reach, int most, bint plain):
+    """Return the next treelets that a ray, (origin, direction), enters, from (t, treelet) `first`
+    on: [(t, treelet), ...]."""
+    cdef Line l = ray_of(ray[0], ray[1])
+    cdef Slope slope = slope_of(&l, 0.0)
     cdef Entry found[MOST_CANDIDATES]
-    cdef Entry before
+    cdef Look look
     cdef Top top
-    cdef uint64_t tests = 0
     cdef int i, n
     top.nodes, top.leaves = <const Node*>&nodes[0], &leaves[0]
-    top.boxes, top.grow, top.spans = <const Box*>&boxes[0, 0], grow, node_spanner(plain)
-    before.t, before.treelet = last
-    n = next_treelets(&top, &l, &slope, &before, reach, most, found, &tests)
+    top.boxes, top.padding, top.spans = <const Box*>&boxes[0, 0], 0.0, node_spanner(plain)
+    top.count = boxes.shape[0]
+    look.first.t, look.first.treelet = first
+    look.reach, look.most, look.node_tests = reach, most, 0
+    n = next_treelets(&top, &l, &slope, &look, found)
     return [(found[i].t, found[i].treelet) for i in range(n)]

@@ -1,32 +1,27 @@
 """The top tree: which treelets a ray enters, front to back.
 
 A ray's walk has a state of two numbers, the t at which it enters a treelet's box and that treelet's
-number: its next candidates are those that come behind it in that order, so nothing else is kept
+number: its next candidates are those that come no earlier in that order, so nothing else is kept
 from pass to pass (the paper's sentinel, exactness rule 7).
 """
 
-from libc.stdint cimport uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.box cimport Box, Span, above, below, box_span
+from bfrt.geometry.box cimport Box, Span, above, box_span
 from bfrt.geometry.vector cimport Line
+from bfrt.tree.walk cimport WAITING, keep_inner
 from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope
-from bfrt.tree.walk cimport WAITING, bits_of, lowest_bit
 
 cdef enum:
     MOST_CANDIDATES = 64  # of a ray in a pass, the sentinel included
-
-cdef extern from *:
-    """
-    enum { BFRT_NO_TREELET = 0xffffffff };
-    """
-    const uint32_t NO_TREELET "(uint32_t)BFRT_NO_TREELET"
 
 # The tree above treelets: `leaves` are their numbers in the order of its nodes' leaves.
 cdef struct Top:
     const Node* nodes
     const uint32_t* leaves
     const Box* boxes    # by number
-    double grow         # d, by which objects' boxes are grown
+    int64_t count
+    double padding      # d, by which objects' boxes are padded
     NodeSpan spans
 
 # A treelet that a ray enters.
@@ -35,94 +30,73 @@ cdef struct Entry:
     uint32_t treelet
 
 
-cdef inline bint comes_before(double t, uint32_t treelet, const Entry* other) noexcept nogil:
-    return t < other.t or (t == other.t and treelet < other.treelet)
+cdef inline bint comes_before(const Entry* one, const Entry* other) noexcept nogil:
+    return one.t < other.t or (one.t == other.t and one.treelet < other.treelet)
 
 
 cdef inline bint entry_of(const Top* top, const Line* l, uint32_t treelet, Entry* e) noexcept nogil:
     """Find where a ray enters a treelet's box; false for nowhere."""
     cdef Span span
-    if not box_span(&top.boxes[treelet], top.grow, l, &span):
+    if not box_span(&top.boxes[treelet], top.padding, l, &span):
         return False
     e.t, e.treelet = span.near, treelet
     return True
 
 
-cdef inline void keep_entry(Entry* found, int* n, int most, const Entry* e) noexcept nogil:
-    """Insert an entry among up to `most` ascending ones; the last falls out."""
+cdef inline int keep_entry(Entry* found, int n, int most, const Entry* e) noexcept nogil:
+    """Insert an entry among n ascending ones, of which `most` are kept; return how many there are.
+    """
     cdef int k
-    if n[0] == most:
-        if not comes_before(e.t, e.treelet, &found[most - 1]):
-            return
-        n[0] -= 1
-    k = n[0]
-    while k > 0 and comes_before(e.t, e.treelet, &found[k - 1]):
+    if n == most:
+        if not comes_before(e, &found[most - 1]):
+            return n
+        n -= 1
+    k = n
+    while k > 0 and comes_before(e, &found[k - 1]):
         found[k] = found[k - 1]
         k -= 1
     found[k] = e[0]
-    n[0] += 1
+    return n + 1
 
 
-cdef inline int next_treelets(const Top* top, const Line* l, const Slope* slope, const Entry* last,
-                              double reach, int most, Entry* found,
-                              uint64_t* node_tests) noexcept nogil:
-    """Find the next treelets that a ray enters behind `last`, and no later than at `reach`.
+# A ray's look for treelets: the first that counts, the last t that does, and how many are kept.
+cdef struct Look:
+    Entry first
+    double reach
+    int most
+    int64_t node_tests
 
-    Parameters
-    ----------
-    last : Entry
-        The last treelet that it has been through; a t below 0 for none.
-    most : int
-        As many are found, up to MOST_CANDIDATES, if there are.
-    found : Entry[most]
-        OUT. Ascending.
 
-    Returns
-    -------
-    int
-        How many are found.
-    """
+cdef inline int next_treelets(const Top* top, const Line* l, const Slope* slope, Look* look,
+                              Entry* found) noexcept nogil:
+    """Find the next treelets that a ray enters, ascending; return how many."""
     cdef uint32_t waiting[WAITING]
     cdef float entry[WAITING]
     cdef float near[8]
-    cdef const Node* node
+    cdef const Node* node = top.nodes
     cdef Entry e
-    cdef uint32_t number = 0, leaf
-    cdef float limit = above(reach), t
-    cdef int n = 0, count = 0, c, k
+    cdef uint32_t leaf
+    cdef float limit = above(look.reach)
+    cdef int n = 0, count = 0, c
     cdef unsigned int met
+    if top.count == 0:
+        return 0
     while True:
-        node = top.nodes + number
-        node_tests[0] += 1
+        look.node_tests += 1
         met = top.spans(node, slope, limit, near)
         leaf = node.first
         for c in range(WIDE):
-            if node.count[c] == INNER or node.count[c] == 0:
-                continue
-            if met >> c & 1 and entry_of(top, l, top.leaves[leaf], &e) and e.t <= reach:
-                if comes_before(last.t, last.treelet, &e):
-                    keep_entry(found, &count, most, &e)
-                    if count == most and found[most - 1].t < reach:
-                        limit = above(found[most - 1].t)
-            leaf += node.count[c]
-        met &= node.inner
-        while met:
-            c = lowest_bit(met)
-            met &= met - 1
-            t = near[c]
-            if t > limit:
-                continue
-            k = n
-            while k > 0 and entry[k - 1] < t:  # farthest at the bottom
-                entry[k], waiting[k] = entry[k - 1], waiting[k - 1]
-                k -= 1
-            entry[k] = t
-            waiting[k] = node.child + bits_of(node.inner & ((1 << c) - 1))
-            n += 1
-        while True:
-            if n == 0:
-                return count
+            if node.count[c] != INNER and node.count[c]:
+                if met >> c & 1 and entry_of(top, l, top.leaves[leaf], &e) and e.t <= look.reach:
+                    if not comes_before(&e, &look.first):
+                        count = keep_entry(found, count, look.most, &e)
+                        if count == look.most:
+                            limit = above(found[count - 1].t)
+                leaf += node.count[c]
+        n = keep_inner(node, met, near, limit, waiting, entry, n)
+        while n > 0 and entry[n - 1] > limit:
             n -= 1
-            if entry[n] <= limit:
-                break
-        number = waiting[n]
+        if n == 0:
+            return count
+        n -= 1
+        node = top.nodes + waiting[n]

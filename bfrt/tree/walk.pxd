@@ -3,26 +3,32 @@
 The order is that of entry, nearest first, so that hits soon end the walk; it changes no answer.
 """
 
-from libc.stdint cimport uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
-from bfrt.geometry.box cimport Box, Span, above, box_span
+from bfrt.bits cimport lowest_bit, ones
+from bfrt.geometry.box cimport Box, above, box_span
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.shape cimport BoxHit, Shape, shape_bounds, shape_load, shape_meet
-from bfrt.geometry.triangle cimport Triangle, triangle_bounds, triangle_hit, triangle_load
 from bfrt.geometry.vector cimport Line
-from bfrt.records cimport TRIANGLE
+from bfrt.phases.crossings cimport CrossingBuffer, cross
+from bfrt.records cimport NO_HIT, SHADOW
+from bfrt.scan.given_order cimport GivenOrder, comes_first
 from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope
 
 cdef enum:
-    WAITING = 7 * (32 + 16)  # nodes of a walk: seven a level; DEEPEST of _build.pyx, and halves
+    WAITING = 7 * (32 + 16)  # nodes of a walk: seven a level; DEEPEST of the build, and halves
 
-# The geometry of a treelet, with what its records are.
+# A treelet's nodes and records. Of objects that have several records each, `ends` tells where those
+# of each end, counted from the first.
 cdef struct Piece:
     int kind
     size_t stride
-    const unsigned char* records
-    const Node* nodes
     Frame frame
+    const Node* nodes
+    const unsigned char* records
+    const uint32_t* ends    # NULL where each object has one record
+    uint32_t begin          # where the first begins, by that count
+    uint64_t first          # the id of the first object
 
 # A ray on its way down: its line, as nodes see it, and the nearest hit so far.
 cdef struct Search:
@@ -30,83 +36,105 @@ cdef struct Search:
     Slope slope
     NodeSpan spans
     double t
+    uint64_t id
     float reach     # t, rounded up
-    uint64_t place  # of the object hit
-    uint64_t node_tests
-    uint64_t object_tests
+    uint8_t kind    # of the ray: any hit ends a shadow ray
+    uint32_t mark   # which ray, for crossings
+    void* order     # a GivenOrder
+    void* crossings     # a CrossingBuffer where all hits are wanted, or NULL
+    int64_t node_tests
+    int64_t object_tests
 
 
-cdef extern from *:
-    """
-    static inline int bfrt_lowest_bit(unsigned bits) { return __builtin_ctz(bits); }
-    static inline int bfrt_bits(unsigned bits) { return __builtin_popcount(bits); }
-    """
-    int lowest_bit "bfrt_lowest_bit"(unsigned int bits) noexcept nogil
-    int bits_of "bfrt_bits"(unsigned int bits) noexcept nogil
+cdef inline void set_reach(Search* s, double t) noexcept nogil:
+    """Have the search end at t."""
+    s.t = t
+    s.reach = above(t)
 
 
-cdef inline bint object_hit(const Piece* p, uint32_t i, const Search* s, double* t) noexcept nogil:
-    """Test one object: whether the ray hits it, and no later than its hit so far."""
+cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nogil:
+    """Test one object, and keep its hit if it is nearer, or all of its hits."""
     cdef Shape shape
     cdef BoxHit m
     cdef Box box
-    if not shape_load(p.kind, p.records + i * p.stride, 0, &p.frame, &shape):
-        return False
+    cdef uint32_t begin = i, n = 0
+    if p.ends != NULL:
+        begin = (p.ends[i - 1] if i > 0 else p.begin) - p.begin
+        n = p.ends[i] - p.begin - begin
+    if not shape_load(p.kind, p.records + begin * p.stride, n, &p.frame, &shape):
+        return 0
     shape_bounds(&shape, &box)
     if not box_span(&box, s.slope.grow, &s.line, &m.span) or m.span.near > s.t:
-        return False
+        return 0
+    s.object_tests += 1
     m.line = s.line
+    if s.crossings != NULL:
+        m.mark = s.mark
+        return cross(<CrossingBuffer>s.crossings, &shape, &m, s.t, p.first + i)
     shape_meet(&shape, &m, 1)
-    t[0] = m.t
-    return 0.0 <= m.t <= s.t
+    if 0.0 <= m.t <= s.t and (
+        m.t < s.t or s.id == NO_HIT or comes_first(<GivenOrder>s.order, p.first + i, s.id)
+    ):
+        s.id = p.first + i
+        set_reach(s, -1.0 if s.kind == SHADOW else m.t)
+    return 0
 
 
-cdef inline void walk_treelet(const Piece* p, uint64_t first, Search* s) noexcept nogil:
-    """Find the nearest hit of a ray in a treelet, whose first object has this place."""
+cdef inline int meet_leaves(const Piece* p, const Node* node, unsigned int met,
+                            Search* s) except -1 nogil:
+    """Test the objects of those leaves of a node that the ray meets."""
+    cdef uint32_t first = node.first
+    cdef uint32_t i
+    cdef int c
+    for c in range(WIDE):
+        if node.count[c] != INNER and node.count[c]:
+            if met >> c & 1:
+                for i in range(first, first + node.count[c]):
+                    meet_object(p, i, s)
+            first += node.count[c]
+    return 0
+
+
+cdef inline int walk_treelet(const Piece* p, Search* s) except -1 nogil:
+    """Test a ray against the objects of a treelet."""
     cdef uint32_t waiting[WAITING]
     cdef float entry[WAITING]
     cdef float near[8]
-    cdef const Node* node
-    cdef uint32_t leaf, i, number = 0
+    cdef const Node* node = p.nodes
     cdef unsigned int met
-    cdef int n = 0, c, k
-    cdef float e = 0.0
-    cdef double t
+    cdef int n = 0
     while True:
-        node = p.nodes + number
         s.node_tests += 1
         met = s.spans(node, &s.slope, s.reach, near)
-        # leaves first: what they hit may spare the nodes
-        leaf = node.first
-        for c in range(WIDE):
-            if node.count[c] == INNER or node.count[c] == 0:
-                continue
-            if met >> c & 1 and near[c] <= s.reach:
-                for i in range(leaf, leaf + node.count[c]):
-                    s.object_tests += 1
-                    if object_hit(p, i, s, &t):
-                        if t < s.t or first + i < s.place:
-                            s.t, s.place = t, first + i
-                            s.reach = above(t)
-            leaf += node.count[c]
-        met &= node.inner
-        while met:
-            c = lowest_bit(met)
-            met &= met - 1
-            k = n
-            e = near[c]
-            if e > s.reach:
-                continue
-            while k > 0 and entry[k - 1] < e:  # farthest at the bottom
-                entry[k], waiting[k] = entry[k - 1], waiting[k - 1]
-                k -= 1
-            entry[k] = e
-            waiting[k] = node.child + bits_of(node.inner & ((1 << c) - 1))
-            n += 1
-        while True:
-            if n == 0:
-                return
+        if met & ~<unsigned int>node.inner:
+            meet_leaves(p, node, met, s)  # first, for what they hit may spare nodes
+        n = keep_inner(node, met, near, s.reach, waiting, entry, n)
+        while n > 0 and entry[n - 1] > s.reach:
             n -= 1
-            if entry[n] <= s.reach:
-                break
-        number = waiting[n]
+        if n == 0:
+            return 0
+        n -= 1
+        node = p.nodes + waiting[n]
+
+
+cdef inline int keep_inner(const Node* node, unsigned int met, const float* near, float reach,
+                           uint32_t* waiting, float* entry, int n) noexcept nogil:
+    """Add the children that are nodes to those that wait, of which there are n, the farthest at the
+    bottom of those added; return how many wait then."""
+    cdef int k, base = n, c
+    cdef float t
+    met &= node.inner
+    while met:
+        c = lowest_bit(met)
+        met &= met - 1
+        t = near[c]
+        if t > reach:
+            continue
+        k = n
+        while k > base and entry[k - 1] < t:
+            entry[k], waiting[k] = entry[k - 1], waiting[k - 1]
+            k -= 1
+        entry[k] = t
+        waiting[k] = node.child + <uint32_t>ones(node.inner & ((1 << c) - 1))
+        n += 1
+    return n

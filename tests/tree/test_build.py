@@ -122,13 +122,12 @@ def test_treelets_come_in_the_order_of_entry_once_each(plain, most):
     for _ in range(60):
         origin, direction = rng.uniform(-6, 6, 3), rng.normal(size=3)
         reach = rng.choice([np.inf, 3.0])
-        expected, last, found = entries(boxes, origin, direction, reach), (-1.0, 0), []
+        expected, first, found = entries(boxes, origin, direction, reach), (-1.0, 0), []
+        ray = origin, direction
         while True:
-            some = treelets_met(
-                raw, leaves, boxes, origin, direction, 0.0, last, reach, most, plain
-            )
+            some = treelets_met(raw, leaves, boxes, ray, first, reach, most, plain)
             found += some
             if len(some) < most:
                 break
-            last = some[-1]
+            first = some[-1][0], some[-1][1] + 1
         assert found == expected
