@@ -326,3 +326,13 @@ def test_an_interrupt_ends_within_a_second_and_leaves_the_store_whole(tmp_path):
 def test_no_bar_without_a_terminal(nff):
     done = run("render", nff, "-o", nff.parent / "x.png", "--memory", "128MiB")
     assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path):
+    bfrt.spd.tetra(2).write(tmp_path / "s.bfrt")
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-m", "bfrt", "info", "--json", str(tmp_path / "s.bfrt")]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, b"")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from bfrt.errors import BfrtError, BudgetError, SettingError
 BAD_INPUT = 1
 WRONG_USE = 2
 INTERRUPTED = 130
+PIPE_CLOSED = 141
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,6 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     try:
         options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # who read what is printed has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
     except (BudgetError, SettingError) as error:
         return fail(error, WRONG_USE)
     except (BfrtError, OSError) as error:
