@@ -32,6 +32,8 @@ cdef enum:
 
 cdef enum:
     BOX_BYTES = 24
+    TREELET_BYTES = 48
+    NODE_BYTES = 80
     CODE_BYTES = 6
     OFFSET_BYTES = 4
 

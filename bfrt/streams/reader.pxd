@@ -24,6 +24,25 @@ cdef class SharedFile:
     cdef int opened(self) except -1
 
 
+cdef extern from *:
+    """
+    #include <fcntl.h>
+    static inline void bfrt_will_need(int fd, int64_t offset, int64_t n) {
+    #ifdef POSIX_FADV_WILLNEED
+        (void)posix_fadvise(fd, offset, n, POSIX_FADV_WILLNEED);
+    #else
+        (void)fd; (void)offset; (void)n; /* the system's own read-ahead has to do */
+    #endif
+    }
+    """
+    void will_need "bfrt_will_need"(int fd, int64_t offset, int64_t n) noexcept nogil
+
+
+cdef inline void prefetch_bytes(SharedFile file, int64_t offset, int64_t n) noexcept nogil:
+    """Have the system begin to read bytes of a file."""
+    will_need(file.prefetch_fd, offset, n)
+
+
 cdef class Reader:
     cdef const unsigned char* at
     cdef const unsigned char* end

@@ -25,13 +25,6 @@ cdef extern from *:
     """
     #include <fcntl.h>
     #include <unistd.h>
-    static inline void bfrt_will_need(int fd, int64_t offset, int64_t n) {
-    #ifdef POSIX_FADV_WILLNEED
-        (void)posix_fadvise(fd, offset, n, POSIX_FADV_WILLNEED);
-    #else
-        (void)fd; (void)offset; (void)n; /* the system's own read-ahead has to do */
-    #endif
-    }
     static inline void bfrt_no_read_ahead(int fd) {
     #ifdef POSIX_FADV_RANDOM
         (void)posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM);
@@ -40,7 +33,6 @@ cdef extern from *:
     #endif
     }
     """
-    void will_need "bfrt_will_need"(int fd, int64_t offset, int64_t n) noexcept nogil
     void no_read_ahead "bfrt_no_read_ahead"(int fd) noexcept nogil
     ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
 

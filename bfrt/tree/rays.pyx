@@ -1,0 +1,302 @@
+"""The rays that go through a forest: the loops that admit them, send them on, and let them go."""
+
+cimport cython
+from libc.math cimport INFINITY
+from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
+from libc.string cimport memmove
+
+from bfrt.geometry.vector cimport Line
+from bfrt.image.film cimport Film
+from bfrt.phases.crossings cimport CrossingBuffer, hand_over
+from bfrt.phases.nearest cimport ray_bad, ray_line
+from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
+from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
+from bfrt.scan.given_order cimport GivenOrder, comes_first
+from bfrt.streams.atomic cimport atomic_fetch_add, atomic_load, lock, unlock
+from bfrt.tree.forest cimport Forest
+from bfrt.tree.pieces cimport PieceReader
+from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, entry_of, next_treelets
+from bfrt.tree.walk cimport Piece, Search, set_reach, walk_treelet
+from bfrt.treelets.node cimport slope_of
+
+import numpy as np
+
+from bfrt.records import CANDIDATE_BYTES, PATH, RAY, RAY_BYTES
+
+#: A ray's memory, in candidates'.
+RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
+
+cdef enum:
+    NO_TREELET = 0xFFFFFFFF
+    RAY_SHIFT = 32   # a candidate: the treelet above, the ray below
+
+# What becomes of `state`: whether a ray has a sentinel, or begins at the first treelet.
+cdef enum:
+    NEW = 0
+    ON = 1
+    OVER = 2
+
+
+cdef inline void begin(Ray* r, double t, uint64_t id, int kind) noexcept nogil:
+    """Set up a ray that has not yet met anything."""
+    r.t, r.id = t, id
+    r.voxel = NO_TREELET
+    r.kind = <uint8_t>kind
+    r.face = r.lock = 0
+    r.state = OVER if ray_bad(r) else NEW
+
+
+cdef inline void search_for(Search* s, const Ray* r, Forest f) noexcept nogil:
+    """Begin a ray's search, with its hit so far."""
+    s.line = ray_line(r)
+    s.slope = slope_of(&s.line, f.padding)
+    s.kind = r.kind
+    s.id = r.id
+    set_reach(s, atomic_load(&r.t))
+
+
+cdef inline void keep(Ray* r, const Search* s) noexcept nogil:
+    """Take a search's hit, if it is nearer than the one that the ray has by now."""
+    if s.id == NO_HIT or (s.t == r.t and s.id == r.id):
+        return
+    lock(&r.lock)
+    if s.t < r.t or (
+        s.t == r.t and (r.id == NO_HIT or comes_first(<GivenOrder>s.order, s.id, r.id))
+    ):
+        r.t, r.id = s.t, s.id
+    unlock(&r.lock)
+
+
+@cython.final
+cdef class TreeRays:
+    """Holds the memory of rays in flight, as `RayPool` does, and the loops over them.
+
+    Where a ray is, its `voxel`, is its sentinel: the first treelet of its next pass.
+
+    Parameters
+    ----------
+    forest : Forest
+    capacity : int
+        Rays at the most.
+    candidates : int
+        Candidates of all rays together, when there are `capacity` rays.
+
+    Attributes
+    ----------
+    active : int
+        Rays in flight: those at the front.
+    """
+
+    cdef readonly int64_t active
+    cdef readonly int64_t capacity
+    cdef Forest forest
+    cdef object memory
+    cdef object records
+    cdef object path_records
+    cdef Ray[::1] rays
+    cdef Path[::1] paths
+    cdef uint64_t[::1] slots
+    cdef int64_t used
+
+    def __cinit__(self, Forest forest not None, int64_t capacity, int64_t candidates):
+        cdef int64_t words = capacity * RAY_WORDS
+        self.forest = forest
+        self.capacity = capacity
+        self.memory = self.slots = np.empty(words + candidates, np.uint64)
+        self.records = self.rays = self.memory[:words].view(RAY)
+        self.path_records = self.paths = np.empty(capacity, PATH)
+
+    @property
+    def all(self):
+        """Return all of the memory: (capacity,) of records.RAY, and of records.PATH."""
+        return self.records, self.path_records
+
+    @property
+    def room(self):
+        """Return how many candidates there is room for."""
+        return len(self.memory) - self.active * RAY_WORDS
+
+    def come(self, int64_t n):
+        """Count `n` rays, admitted behind the active ones, as active."""
+        self.active += n
+
+    def admit(self, const Queued[::1] queued, int64_t first, int64_t last):
+        """Bring queued rays behind the active ones; return how many are bad, and meet nothing."""
+        cdef const Queued* q
+        cdef Ray* r
+        cdef int64_t i, bad = 0
+        with nogil:
+            for i in range(first, last):
+                q, r = &queued[i], &self.rays[self.active + i]
+                take_over(r, &self.paths[self.active + i], &q.ox, &q.pixel)
+                begin(r, LIGHT if q.kind == SHADOW else INFINITY, NO_HIT, q.kind)
+                bad += r.state == OVER
+        return bad
+
+    def admit_again(self, const Hit[::1] asked, int64_t first, int64_t last):
+        """Bring rays that have an end of their own, (n,) of records.HIT."""
+        cdef const Hit* h
+        cdef Ray* r
+        cdef int64_t i
+        with nogil:
+            for i in range(first, last):
+                h, r = &asked[i], &self.rays[self.active + i]
+                take_over(r, &self.paths[self.active + i], &h.ox, &h.pixel)
+                begin(r, h.t, h.id, h.kind)
+        return 0
+
+    def begin_pass(self):
+        """Begin a pass, with no candidate."""
+        self.slots = self.memory[self.active * RAY_WORDS:]
+        self.used = 0
+
+    def collect(self, int64_t first, int64_t last, int each):
+        """Find up to `each` candidates for every ray of a part, and its sentinel.
+
+        Returns
+        -------
+        int
+            Nodes tested.
+        """
+        cdef Entry found[MOST_CANDIDATES]
+        cdef Look look
+        cdef Search s
+        cdef Ray* r
+        cdef int64_t i, at
+        cdef int k, n
+        look.most, look.node_tests = min(each, MOST_CANDIDATES - 1) + 1, 0
+        with nogil:
+            for i in range(first, last):
+                r = &self.rays[i]
+                if r.state == OVER or r.t < 0.0:
+                    r.state = OVER
+                    continue
+                search_for(&s, r, self.forest)
+                look.first.t, look.first.treelet, look.reach = -1.0, 0, r.t
+                if r.state == ON:
+                    entry_of(&self.forest.top, &s.line, r.voxel, &look.first)
+                n = next_treelets(&self.forest.top, &s.line, &s.slope, &look, found)
+                r.state = OVER
+                if n == look.most:
+                    n -= 1
+                    r.state, r.voxel = ON, found[n].treelet
+                at = atomic_fetch_add(&self.used, n)
+                for k in range(n):
+                    self.slots[at + k] = <uint64_t>found[k].treelet << RAY_SHIFT | <uint64_t>i
+        return look.node_tests
+
+    def candidates(self):
+        """Return the candidates of the pass, sorted by treelet, and where those of each begin."""
+        found = np.asarray(self.slots[:self.used])
+        found.sort()
+        treelets = found >> np.uint64(RAY_SHIFT)
+        others = np.flatnonzero(treelets[1:] != treelets[:len(treelets) - 1]) + 1
+        begin = np.zeros(min(1, len(found)), np.int64)
+        return found, np.concatenate([begin, others, [len(found)]])
+
+    def retire(self, int64_t first, int64_t last, Film film, const double[::1] background,
+               Hit[::1] hits):
+        """Let complete rays of a part go, and close its ranks, as `RayPool.retire` does."""
+        cdef int64_t i, kept = first, n = 0, eye_hits = 0
+        cdef bint shaded = film is not None
+        cdef Ray* r
+        with nogil:
+            for i in range(first, last):
+                r = &self.rays[i]
+                if not self.complete(r):
+                    if kept != i:
+                        self.rays[kept] = r[0]
+                        self.paths[kept] = self.paths[i]
+                    kept += 1
+                elif shaded and r.id == NO_HIT:
+                    finish_miss(r, &self.paths[i], film, &background[0])
+                elif r.kind != SHADOW or r.id == NO_HIT:
+                    finish_hit(r, &self.paths[i], &hits[n])
+                    n += 1
+                    eye_hits += r.kind == EYE
+        return kept - first, n, eye_hits
+
+    cdef bint complete(self, const Ray* r) noexcept nogil:
+        """Tell whether a ray has no sentinel, or a nearer hit: strictly, so that all ties are met."""
+        cdef Entry sentinel
+        cdef Line line
+        if r.state == OVER:
+            return True
+        line = ray_line(r)
+        entry_of(&self.forest.top, &line, r.voxel, &sentinel)
+        return r.t < sentinel.t
+
+    def compact(self, const int64_t[::1] firsts, const int64_t[::1] counts):
+        """Move parts of the rays, ascending, together: behind them none is active."""
+        cdef int64_t i, end = 0
+        with nogil:
+            for i in range(firsts.shape[0]):
+                memmove(&self.rays[end], &self.rays[firsts[i]], counts[i] * sizeof(Ray))
+                memmove(&self.paths[end], &self.paths[firsts[i]], counts[i] * sizeof(Path))
+                end += counts[i]
+        self.active = end
+
+
+@cython.final
+cdef class TreeIntersector:
+    """Runs one worker's loops over treelets and the rays in flight.
+
+    Parameters
+    ----------
+    forest : Forest
+    order : GivenOrder
+    """
+
+    cdef Forest forest
+    cdef GivenOrder order
+    cdef PieceReader pieces
+    cdef CrossingBuffer crossings
+    cdef Search search
+
+    def __cinit__(self, Forest forest not None, GivenOrder order not None):
+        self.forest, self.order = forest, order
+        self.pieces = PieceReader(forest)
+        self.search.order = <void*>order
+        self.search.spans = forest.top.spans
+
+    def begin(self, CrossingBuffer crossings=None):
+        """Begin with nearest hits, or with all."""
+        self.crossings = crossings
+        self.search.crossings = NULL if crossings is None else <void*>crossings
+
+    def meet(self, TreeRays rays, const uint64_t[::1] found, const int64_t[::1] starts):
+        """Test rays against the treelets that they enter, one treelet after another.
+
+        Parameters
+        ----------
+        found : (n,) uint64
+            IN. Candidates, by treelet.
+        starts : (treelets + 1,) int64
+            IN. Where those of each begin.
+        """
+        cdef Search* s = &self.search
+        cdef const Piece* p
+        cdef Ray* r
+        cdef int64_t k, i
+        with nogil:
+            for k in range(starts.shape[0] - 1):
+                self.pieces.prefetch(<uint32_t>(found[starts[k]] >> RAY_SHIFT))
+            for k in range(starts.shape[0] - 1):
+                p = self.pieces.read(<uint32_t>(found[starts[k]] >> RAY_SHIFT))
+                for i in range(starts[k], starts[k + 1]):
+                    s.mark = <uint32_t>found[i]
+                    r = &rays.rays[s.mark]
+                    if r.t < 0.0:  # a shadow ray that has met something already
+                        continue
+                    search_for(s, r, self.forest)
+                    walk_treelet(p, s)
+                    if s.crossings == NULL:
+                        keep(r, s)
+            if self.crossings is not None:
+                hand_over(self.crossings)
+
+    def tests(self):
+        """Return the nodes and the objects tested since the last call."""
+        cdef int64_t nodes = self.search.node_tests, objects = self.search.object_tests
+        self.search.node_tests = self.search.object_tests = 0
+        return nodes, objects
