@@ -333,7 +333,7 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     read, write = os.pipe()
     os.close(read)
     command = [sys.executable, "-m", "bfrt", "info", "--json", str(tmp_path / "s.bfrt")]
-    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, check=False)
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, check=False, cwd=tmp_path)
     os.close(write)
     assert (done.returncode, done.stderr) == (141, b"")
 
