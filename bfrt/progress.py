@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from bfrt.errors import Cancelled, SettingError
 
 
@@ -47,7 +49,8 @@ def tell(report: Report, progress: Progress) -> None:
     Cancelled
         If the report returns False.
     """
-    if report(progress) is False:
+    goes_on = report(progress)
+    if isinstance(goes_on, (bool, np.bool_)) and not goes_on:
         raise Cancelled(
             f"cancelled at depth {progress.depth}, with {progress.done} of {progress.total} rays "
             "finished"

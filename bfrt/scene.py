@@ -338,8 +338,8 @@ class Scene:
             Folder for temporary files, and for marks if the store is read-only. By default the
             store's parent, or the system's temporary folder if the parent is read-only.
         progress : bool or callable
-            True shows a bar (needs tqdm, and a terminal). A callable gets a `Progress` after each
-            pass; returning False cancels.
+            True shows a bar (needs tqdm, and a terminal). A callable gets a `Progress` first
+            and after each pass; returning False cancels.
 
         Returns
         -------

@@ -333,6 +333,21 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     read, write = os.pipe()
     os.close(read)
     command = [sys.executable, "-m", "bfrt", "info", "--json", str(tmp_path / "s.bfrt")]
-    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, check=False)
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, check=False, cwd=tmp_path)
     os.close(write)
     assert (done.returncode, done.stderr) == (141, b"")
+
+
+def test_verify_reads_the_marks_too(tmp_path, capsys):
+    store = bfrt.spd.tetra(2).write(tmp_path / "s.bfrt").path
+    assert (
+        main(["render", str(store), "-o", str(tmp_path / "a.png"), "--resolution", "8", "8"]) == 0
+    )
+    assert main(["verify", str(store)]) == 0
+    marks = store / "0" / "marks"
+    data = bytearray(marks.read_bytes())
+    data[-1] ^= 1
+    marks.write_bytes(data)
+    capsys.readouterr()
+    assert main(["verify", str(store)]) == 1
+    assert str(marks) in capsys.readouterr().err

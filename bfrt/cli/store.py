@@ -7,6 +7,7 @@ import json
 from typing import Any
 
 from bfrt.cli.options import command
+from bfrt.scene import open_scene
 from bfrt.store.store import Store, bounds_to, open_store
 
 
@@ -64,7 +65,7 @@ def add_verify(commands: Any) -> None:
 
 
 def run_verify(options: argparse.Namespace) -> None:
-    store = open_store(options.store)
-    store.verify()
+    scene = open_scene(options.store)
+    scene.verify()
     if not options.quiet:
-        print(f"{store.path}: {store.objects} objects, {store.bytes} bytes, all as written")
+        print(f"{scene.path}: {scene.objects} objects, {scene.bytes} bytes, all as written")

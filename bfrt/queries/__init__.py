@@ -7,5 +7,5 @@
                                                             │ by ray: answers
                                                          Columns ─► new arrays, the caller's, files
 
-``casting`` has a function for each query; `bfrt.Scene` calls them.
+``casting`` has an object for each query, which `bfrt.Scene` asks.
 """

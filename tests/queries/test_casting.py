@@ -492,9 +492,10 @@ def test_too_small_a_budget_is_refused(spheres):
         spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), memory="1MiB")
 
 
-def test_cancelled(spheres):
+@pytest.mark.parametrize("false", [False, np.False_])
+def test_cancelled(spheres, false):
     with pytest.raises(bfrt.Cancelled, match="rays finished"):
-        spheres.cast_rays(np.zeros((1, 3)), [[1.0, 0, 0]], progress=lambda _: False)
+        spheres.cast_rays(np.zeros((1, 3)), [[1.0, 0, 0]], progress=lambda _: false)
 
 
 def test_groups_answer_together(tmp_path, planned):
