@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bfrt.budget import Capacities
+from bfrt.budget import Capacities, GridCapacities
 from bfrt.grid.bricks import BRICK_BYTES
 from bfrt.grid.marks import marks_path, open_marks
 from bfrt.grid.partition import partition_of, subspaces

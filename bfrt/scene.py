@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import NO_FRAME, Capacities, capacities
+from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
 from bfrt.image.frame import FrameSize
@@ -29,12 +30,13 @@ from bfrt.queries.question import Answer, Question
 from bfrt.queries.rays import Given
 from bfrt.records import Kind
 from bfrt.rendering import picture_of
-from bfrt.settings import FINEST, Settings
+from bfrt.settings import FINEST, TREE, Settings
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store, open_store
 from bfrt.store.writer import StoreWriter
 from bfrt.tracer import Tracer
+from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, View
 
 PathLike = str | os.PathLike[str]
@@ -207,7 +209,18 @@ class Scene:
                 self._busy.release()
 
     def _tracer(self, settings: Settings) -> Tracer:
-        return Tracer(self.store, settings, self._divide(self.store, settings, NO_FRAME))
+        return tracer_of(self.store, settings, self._divide(self.store, settings, NO_FRAME))
+
+    def _refinement(self, asked: str | None, *of_grid: int | bool | None) -> str:
+        """Return the refinement asked for, or the one for this store and settings of a grid."""
+        if asked == TREE and not self.store.ordered:
+            raise SettingError(
+                f"refine: found {TREE!r} for {self.path}, whose objects are in the order given, "
+                "expected base, sg or sgb, or a store made with order='spatial'"
+            )
+        if asked is not None:
+            return asked
+        return TREE if self.store.ordered and not any(of_grid) else FINEST
 
     @contextmanager
     def _session(self, settings: Settings) -> Iterator[Tracer]:
@@ -291,7 +304,7 @@ class Scene:
         samples: int | None = None,
         depth: int = DEPTH,
         aovs: Sequence[str] = (),
-        refine: str = FINEST,
+        refine: str | None = None,
         fresh_marks: bool = False,
         grid: int | None = None,
         max_grid: int | None = None,
@@ -322,11 +335,13 @@ class Scene:
             sample: P.X P.Y P.Z, world coordinates, inf on a miss; albedo.R albedo.G albedo.B, the
             material's color, 0 on a miss. Each takes 12 bytes a pixel, twice while the frame is in
             memory.
-        refine : {"sgb", "sg", "base"}
-            The paper's refinements: ``base`` reads every box and all geometry wherever the original
-            algorithm does; ``sg`` reads geometry only where a ray meets its box, or hits it;
-            ``sgb`` also skips boxes that the hierarchy shows to be far from all rays. The picture
-            is the same.
+        refine : {"tree", "sgb", "sg", "base"}, optional
+            ``tree``: rays go through treelets, in place of a grid; for stores in spatial order,
+            where it is the default unless something of a grid is asked for. The paper's
+            refinements, for all stores: ``base`` reads every box and all geometry wherever the
+            original algorithm does; ``sg`` reads geometry only where a ray meets its box, or hits
+            it; ``sgb``, the default of other stores, also skips boxes that the hierarchy shows to
+            be far from all rays. The picture is the same.
         fresh_marks : bool
             Make the voxel marks again, instead of using those in the store.
         grid : int, optional
@@ -360,11 +375,12 @@ class Scene:
             If the system refuses a read or a write.
         """
         view = View.of(self.store, camera, samples, depth, aovs)
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             plan = self._divide(self.store, settings, view.frame)
             self._make_room()
-            with Tracer(self.store, settings, plan) as tracer:
+            with tracer_of(self.store, settings, plan) as tracer:
                 return picture_of(tracer, view, report)
 
     def plan(
@@ -377,7 +393,7 @@ class Scene:
         samples: int | None = None,
         depth: int = DEPTH,
         aovs: Sequence[str] = (),
-        refine: str = FINEST,
+        refine: str | None = None,
         fresh_marks: bool = False,
         grid: int | None = None,
         max_grid: int | None = None,
@@ -403,6 +419,7 @@ class Scene:
             As for `render`.
         """
         view = View.of(self.store, camera, samples, depth, aovs).sized(resolution)
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         held = self._divide(self.store, settings, view.frame)
         return plan_of(self.store, view, settings, held)
@@ -418,7 +435,7 @@ class Scene:
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
-        refine: str = FINEST,
+        refine: str | None = None,
         grid: int | None = None,
         max_grid: int | None = None,
         fresh_marks: bool = False,
@@ -466,6 +483,7 @@ class Scene:
         Among hits at the same t the object with the least id counts. The answer is the same, bit
         for bit, for every memory budget, number of threads and refinement.
         """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
@@ -482,7 +500,7 @@ class Scene:
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
-        refine: str = FINEST,
+        refine: str | None = None,
         grid: int | None = None,
         max_grid: int | None = None,
         fresh_marks: bool = False,
@@ -525,6 +543,7 @@ class Scene:
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `render`.
         """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
@@ -541,7 +560,7 @@ class Scene:
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
-        refine: str = FINEST,
+        refine: str | None = None,
         grid: int | None = None,
         max_grid: int | None = None,
         fresh_marks: bool = False,
@@ -584,6 +603,7 @@ class Scene:
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `render`.
         """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)
@@ -600,7 +620,7 @@ class Scene:
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
-        refine: str = FINEST,
+        refine: str | None = None,
         grid: int | None = None,
         max_grid: int | None = None,
         fresh_marks: bool = False,
@@ -642,6 +662,7 @@ class Scene:
         BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `render`.
         """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report:
             question = Question(origins, directions, t_min, t_max, out, report)

@@ -19,7 +19,7 @@ from bfrt.workers import usable_threads
 
 @dataclass(frozen=True)
 class Refinement:
-    """Describes one of the paper's refinements, which includes those before it.
+    """Describes one of the paper's refinements, which includes those before it, or the tree.
 
     Attributes
     ----------
@@ -30,11 +30,14 @@ class Refinement:
         it (the paper's S and G).
     hierarchy : bool
         Whether only boxes below those of the hierarchy that are near rays are read (its B).
+    tree : bool
+        Whether rays go through treelets, in place of the paper's grid.
     """
 
     name: str
     lazy: bool
     hierarchy: bool
+    tree: bool = False
 
 
 #: By their names, the least first.
@@ -44,11 +47,13 @@ REFINEMENTS = {
         Refinement("base", lazy=False, hierarchy=False),
         Refinement("sg", lazy=True, hierarchy=False),
         Refinement("sgb", lazy=True, hierarchy=True),
+        Refinement("tree", lazy=True, hierarchy=False, tree=True),
     )
 }
 
-#: The name of the one that is taken where none is asked for.
+#: The finest of a grid, which is taken where none is asked for and objects are in the order given.
 FINEST = "sgb"
+TREE = "tree"
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,10 @@ class Settings:
             raise SettingError(
                 f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}"
             )
+        of_grid = {"grid": grid, "max_grid": max_grid, "fresh_marks": fresh_marks or None}
+        for name, value in of_grid.items():
+            if refine == TREE and value is not None:
+                raise SettingError(f"{name}: found {value} with refine {TREE!r}, which has no grid")
         return cls(
             memory=default_memory() if memory is None else parse_memory(memory),
             threads=usable_threads() if threads is None else at_least_one("threads", threads),

@@ -2,7 +2,7 @@
 
 ``bytes_read`` is what reads returned; ``seeks`` are reads that do not start where the last one of
 that file ended; ``passes`` are sweeps over the objects, the preprocess's and the shading's too;
-``box_tests`` are ray against object box. Phase seconds are wall time and disjoint.
+``box_tests`` are ray against object box, ``node_tests`` ray against a node of a tree: eight boxes. Phase seconds are wall time and disjoint.
 """
 
 from __future__ import annotations
@@ -101,6 +101,8 @@ class Counters:
     box_tests: int = 0
     object_tests: int = 0
     voxel_steps: int = 0
+    treelets_read: int = 0
+    node_tests: int = 0
     seconds: float = 0.0
 
     def sweep(self, boxes: int, scans: Scans, begins: bool = True) -> None:
@@ -129,6 +131,7 @@ class Stats:
     settings: dict[str, Any]
     marks_reused: bool = False
     grids: list[dict[str, Any]] = field(default_factory=list)
+    tree: dict[str, Any] | None = None
     hierarchy_seconds: float = 0.0
     bad_rays: int = 0
     total: Counters = field(default_factory=Counters)
@@ -159,6 +162,7 @@ class Stats:
             "settings": self.settings,
             "marks_reused": self.marks_reused,
             "grids": self.grids,
+            "tree": self.tree,
             "hierarchy_seconds": self.hierarchy_seconds,
             "bad_rays": self.bad_rays,
             **asdict(self.total),

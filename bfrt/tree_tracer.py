@@ -7,16 +7,18 @@
         collect        each finds its next treelets, front to back, and its sentinel
         intersect      treelets that have rays, forwards; each ray down the treelet's own tree
         retire         rays with a hit nearer than their sentinel leave, and those without one
+
+Where memory holds all treelets each ray goes down through them at once, in place of the middle two.
 """
 
 from __future__ import annotations
 
-import os
 import time
+from collections.abc import Callable
 
 import numpy as np
 
-from bfrt.budget import Capacities
+from bfrt.budget import TreeCapacities
 from bfrt.phases.preprocess import padding_of
 from bfrt.phases.traversal import FIRST_QUOTA, Queue, Sinks
 from bfrt.records import HIT
@@ -24,67 +26,84 @@ from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
 from bfrt.store.store import Store
-from bfrt.tracer import Outcome, Tell
+from bfrt.tracer import Outcome, Tell, Tracer
+from bfrt.tree.casting import TreeCaster
 from bfrt.tree.forest import Forest
-from bfrt.tree.rays import TreeIntersector, TreeRays
-from bfrt.workers import Workers
+from bfrt.tree.rays import RAYS_AT_ONCE, TreeIntersector, TreeRays
 
-#: Rays that enter memory at once; rays and treelets that a thread takes at once.
+#: Rays that enter memory at once; rays that go down at once, treelets that a thread takes at once.
 ADMITTED = 65536
-RAYS_AT_ONCE = 2048
+DESCENDING = 1024
 TREELETS_AT_ONCE = 16
 
+#: Treelets that are read at once where all are; rays for each of them make that worth it.
+LOADED_AT_ONCE = 64
+RAYS_FOR_ALL = 0.5
 
-class TreeTracer:
-    """Finds what queues of rays meet in a scene: as `Tracer` does, by the scene's treelets."""
 
-    def __init__(self, store: Store, settings: Settings, capacities: Capacities) -> None:
+class TreeTracer(Tracer):
+    """Finds what queues of rays meet in a scene, by its treelets.
+
+    Parameters
+    ----------
+    store : Store
+        In spatial order.
+    settings : Settings
+    capacities : TreeCapacities
+
+    Attributes
+    ----------
+    resident : bool
+        Whether treelets stay in memory.
+    casters : list of TreeCaster
+        One a worker, where treelets stay.
+    """
+
+    capacities: TreeCapacities
+
+    def __init__(self, store: Store, settings: Settings, capacities: TreeCapacities) -> None:
         start = time.perf_counter()
-        self.store = store
-        self.settings = settings
-        self.capacities = capacities
-        self.scratch = settings.scratch_beside(store.path)
-        self.prepared = Counters()
-        self.bad = 0
-        self.workers = Workers(capacities.threads)
-        self._process = os.getpid()
-        self._background = np.array(store.background, np.float64)
-        self.scans = [
-            GroupScans(store, group, capacities.threads, capacities.read_buffer, True)
-            for group in store.groups
-        ]
-        whole = Forest.resident_bytes(store) + Forest.bytes(store)
-        self._forest = Forest(store, padding_of(store), whole < settings.memory // 2)
-        self._rays = TreeRays(self._forest, capacities.rays, capacities.candidates)
-        order = self.scans[0].order
-        self._order = order
-        self._intersectors = [TreeIntersector(self._forest, order) for _ in range(capacities.threads)]
-        self._hits = np.empty((capacities.threads, RAYS_AT_ONCE), HIT)
-        self.prepared.seconds = time.perf_counter() - start
+        super().__init__(store, settings, capacities)
+        self.resident = capacities.resident
+        self._bad = 0
+        try:
+            self._scans = [
+                GroupScans(store, group, capacities.threads, capacities.read_buffer, True)
+                for group in store.groups
+            ]
+            self._order = self._scans[0].order
+            self._forest = Forest(store, padding_of(store), self.resident)
+            self._rays = TreeRays(self._forest, capacities.rays, capacities.candidates)
+            each = range(capacities.threads)
+            self._intersectors = [TreeIntersector(self._forest, self._order) for _ in each]
+            self.casters = [TreeCaster(self._forest, self._order) for _ in each]
+            self._hits = np.empty((capacities.threads, RAYS_AT_ONCE), HIT)
+            self._seen = 0
+            self._all_there = not self.resident
+            self.prepared.seconds = time.perf_counter() - start
+        except BaseException:
+            self.workers.close()
+            raise
 
-    def serves(self, settings: Settings) -> bool:
-        """Tell whether it works with these settings here: a forked process lacks its threads."""
-        return self.settings == settings and self._process == os.getpid()
+    @property
+    def scans(self) -> list[GroupScans]:
+        """Return the objects of each group."""
+        return self._scans
 
-    def __enter__(self) -> TreeTracer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the threads."""
-        self.workers.close()
+    @property
+    def bad(self) -> int:
+        """Return the number of rays so far that were NaN or had no direction."""
+        return self._bad
 
     def begin(self, stats: Stats) -> None:
         """Add the work of preparing to a record of counters; a second one gets none of it."""
-        stats.total.add(self.prepared)
-        self.prepared = Counters()
+        stats.tree = {"treelets": self._forest.treelets, "resident": self.resident}
+        super().begin(stats)
 
     def trace(self, queue: Queue, outcome: Outcome, counters: Counters, tell: Tell) -> None:
         """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
         rays, phases = self._rays, counters.phases
-        sinks = Sinks(outcome.hits, outcome.film, self._background, last=True)
+        sinks = Sinks(outcome.hits, outcome.film, self.background, last=True)
         crossings = outcome.crossings
         if crossings is not None:
             crossings.attach(*rays.all)
@@ -98,14 +117,35 @@ class TreeTracer:
                     each = FIRST_QUOTA
                 while len(queue) and rays.active < rays.capacity:
                     self._admit(queue)
-                each = max(1, min(each, rays.room // max(1, rays.active)))
-                self._collect(each, counters)
-                each *= 2
+                if not self.resident:
+                    each = max(1, min(each, rays.room // max(1, rays.active)))
+                    self._collect(each, counters)
+                    each *= 2
             with phases.intersection.timed():
-                self._intersect(counters)
+                if self.resident:
+                    self._descend(counters)
+                else:
+                    self._intersect(counters)
             with phases.traversal.timed():
                 done += self._retire(sinks, counters)
         tell(done)
+
+    def expect(self, rays: int) -> None:
+        """Read all treelets, if so many more rays are likely to come to most of them."""
+        self._seen += rays
+        if self._all_there or self._seen < RAYS_FOR_ALL * self._forest.treelets:
+            return
+        self.workers.run(
+            lambda _, first, last: self._forest.load_part(first, last), self._forest.treelets,
+            largest=LOADED_AT_ONCE,
+        )  # fmt: skip
+        self._all_there = True
+
+    def cast(self, work: Callable[[int, int, int], None], rays: int, counters: Counters) -> None:
+        """Have workers take rays down through treelets in memory, by their casters."""
+        self.expect(rays)
+        self.workers.run(work, rays, smallest=DESCENDING, largest=ADMITTED // 8)
+        self._count(self.casters, counters)
 
     def _admit(self, queue: Queue) -> None:
         rays = self._rays
@@ -118,7 +158,7 @@ class TreeTracer:
         rays.come(len(some))
 
     def _count_bad(self, bad: int) -> None:
-        self.bad += bad
+        self._bad += bad
 
     def _collect(self, each: int, counters: Counters) -> None:
         rays = self._rays
@@ -128,7 +168,7 @@ class TreeTracer:
             lambda _, first, last: tests.append(rays.collect(first, last, each)), rays.active,
             smallest=RAYS_AT_ONCE, largest=RAYS_AT_ONCE,
         )  # fmt: skip
-        counters.box_tests += sum(tests)
+        counters.node_tests += sum(tests)
 
     def _intersect(self, counters: Counters) -> None:
         found, starts = self._rays.candidates()
@@ -138,15 +178,31 @@ class TreeTracer:
             self._intersectors[worker].meet(self._rays, found, starts[first : last + 1])
 
         self.workers.run(meet, treelets, largest=TREELETS_AT_ONCE)
-        self._order.check()
         counters.passes += 1
-        for intersector in self._intersectors:
-            nodes, objects = intersector.tests()
-            counters.box_tests += nodes
+        self._count(self._intersectors, counters)
+
+    def _descend(self, counters: Counters) -> None:
+        self.expect(self._rays.active)
+
+        def go(worker: int, first: int, last: int) -> None:
+            self._intersectors[worker].descend(self._rays, first, last)
+
+        self.workers.run(go, self._rays.active, smallest=DESCENDING, largest=DESCENDING)
+        self._count(self._intersectors, counters)
+
+    def _count(
+        self, loops: list[TreeIntersector] | list[TreeCaster], counters: Counters
+    ) -> None:
+        self._order.check()
+        for loop in loops:
+            nodes, objects = loop.tests()
+            counters.node_tests += nodes
             counters.object_tests += objects
-        read, seeks = self._forest.counts()
-        counters.phases.intersection.bytes_read += read
-        counters.phases.intersection.seeks += seeks
+        phase = counters.phases.intersection
+        read, seeks, treelets = self._forest.counts()
+        phase.bytes_read += read
+        phase.seeks += seeks
+        counters.treelets_read += treelets
 
     def _retire(self, sinks: Sinks, counters: Counters) -> int:
         rays = self._rays

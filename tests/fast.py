@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bfrt.budget import Capacities
+from bfrt.budget import Capacities, GridCapacities
 from bfrt.grid.partition import Limits
 from bfrt.image.film import Film
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
@@ -31,7 +31,8 @@ from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import Group, Store, open_store
 from bfrt.store.writer import StoreWriter
 from bfrt.streams.spool import Spool
-from bfrt.tracer import Outcome, Tracer
+from bfrt.grid_tracer import GridTracer
+from bfrt.tracer import Outcome
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ PAGE = 4096
 SHADOW_END = float(np.nextafter(1.0 - 2.0**-30, 2.0))
 
 #: Room for everything at once.
-ROOMY = Capacities(
+ROOMY = GridCapacities(
     memory=0,
     rows=1 << 16,
     frame_on_disk=False,
@@ -57,7 +58,7 @@ ROOMY = Capacities(
 )
 
 
-def limited(capacities: Capacities, **limits: int) -> Capacities:
+def limited(capacities: GridCapacities, **limits: int) -> Capacities:
     """The same with other limits of the grid."""
     return replace(capacities, limits=capacities.limits._replace(**limits))
 
@@ -118,7 +119,7 @@ def nearest(
     origins: ArrayLike,
     directions: ArrayLike,
     scratch: Path,
-    capacities: Capacities = ROOMY,
+    capacities: GridCapacities = ROOMY,
     refine: str = "sgb",
 ) -> Found:
     """Nearest hits by the fast path.
@@ -152,7 +153,7 @@ def occluded(
     origins: ArrayLike,
     directions: ArrayLike,
     scratch: Path,
-    capacities: Capacities = ROOMY,
+    capacities: GridCapacities = ROOMY,
     refine: str = "sgb",
 ) -> NDArray[np.bool_]:
     """Whether shadow rays are stopped before `SHADOW_END`."""
@@ -185,7 +186,7 @@ def _light(film: Film) -> Array:
 
 @contextmanager
 def _traced(
-    store: Store, rays: NDArray[Any], scratch: Path, capacities: Capacities, refine: str
+    store: Store, rays: NDArray[Any], scratch: Path, capacities: GridCapacities, refine: str
 ) -> Iterator[tuple[Spool, Film, Counters]]:
     crowded = replace(
         store,
@@ -201,7 +202,7 @@ def _traced(
         memory=0, threads=capacities.threads, refinement=REFINEMENTS[refine], scratch=scratch
     )
     try:
-        with Tracer(crowded, settings, capacities) as tracer:
+        with GridTracer(crowded, settings, capacities) as tracer:
             counters.add(tracer.prepared)
             queue.append(rays)
             tracer.trace(queue, Outcome(hits, film), counters, told.append)

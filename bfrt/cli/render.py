@@ -21,7 +21,7 @@ from bfrt.image.picture import SUFFIXES
 from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
 from bfrt.scene import Scene, open_scene
-from bfrt.settings import FINEST, REFINEMENTS, scratch_folder
+from bfrt.settings import REFINEMENTS, scratch_folder
 from bfrt.view import aovs_of
 
 
@@ -49,8 +49,9 @@ def add_render(commands: Any) -> None:
     )  # fmt: skip
     add_view(made)
     made.add_argument(
-        "--refine", choices=REFINEMENTS, default=FINEST,
-        help="the paper's refinements: base none, sg lazy geometry, sgb the hierarchy too (sgb)",
+        "--refine", choices=REFINEMENTS,
+        help="tree: treelets, in spatial order (its default); the paper's refinements, with a "
+        "grid: base none, sg lazy geometry, sgb the hierarchy too (the default in other order)",
     )  # fmt: skip
     made.add_argument(
         "--plan", action="store_true",

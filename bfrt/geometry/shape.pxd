@@ -5,17 +5,18 @@ from libc.stdint cimport uint32_t
 from bfrt.geometry.box cimport HIGH, Box, Span
 from bfrt.geometry.cone cimport Cone, cone_bounds, cone_crossings, cone_hit, cone_load, cone_normal
 from bfrt.geometry.coordinates cimport Frame
+from bfrt.geometry.outline cimport Shear
 from bfrt.geometry.packet cimport BoxPacket, eight_clear, eight_end
 from bfrt.geometry.patch cimport Patch, patch_load, patch_normal
 from bfrt.geometry.polygon cimport (
     Polygon, polygon_bounds, polygon_crossed, polygon_hit, polygon_load,
 )
 from bfrt.geometry.sphere cimport (
-    Sphere, sphere_bounds, sphere_crossings, sphere_hit, sphere_load, sphere_normal,
+    Sphere, sphere_bounds, sphere_crossings, sphere_hit, sphere_load, sphere_missed, sphere_normal,
 )
 from bfrt.geometry.triangle cimport (
     Barycentric, Triangle, triangle_bounds, triangle_crossed, triangle_cut, triangle_hit,
-    triangle_load, triangle_normal, triangle_place,
+    triangle_load, triangle_missed, triangle_normal, triangle_place,
 )
 from bfrt.geometry.vector cimport Line, Vec, along
 from bfrt.records cimport CONE, PATCH, SPHERE, TRIANGLE
@@ -63,6 +64,16 @@ cdef inline bint shape_load(int kind, const unsigned char* record, uint32_t coun
     if kind == PATCH:
         return patch_load(record, f, &s.of.patch)
     return polygon_load(record, count, f, &s.of.polygon)
+
+
+cdef inline bint shape_missed(int kind, const unsigned char* record, const Frame* f, const Line* l,
+                              const Shear* seen) noexcept nogil:
+    """Tell of most records that a ray misses that it does, before more of them is worked out."""
+    if kind == TRIANGLE or kind == PATCH:
+        return triangle_missed(record, f, seen)
+    if kind == SPHERE:
+        return sphere_missed(record, f, l)
+    return False
 
 
 cdef inline void shape_bounds(const Shape* s, Box* b) noexcept nogil:

@@ -66,6 +66,15 @@ cdef inline void sphere_union(const unsigned char* records, size_t stride, const
     box_between(all, lo, hi)
 
 
+cdef inline bint sphere_missed(const unsigned char* record, const Frame* f,
+                               const Line* l) noexcept nogil:
+    """Tell whether a line misses a record's sphere, as `sphere_roots` does."""
+    cdef Vec co = sub(l.o, point(record, 0, f))
+    cdef double r = number(record, 3, f.wide)
+    cdef Vec nearest = along(co, l.d, -dot(co, l.d) / dot(l.d, l.d))
+    return not r * r - dot(nearest, nearest) >= 0.0
+
+
 cdef inline bint sphere_roots(const Sphere* s, const Line* l, double* roots) noexcept nogil:
     """Find where the line meets the surface, the smaller root first; false for nowhere.
 

@@ -54,6 +54,18 @@ cdef inline bint triangle_cut(const Triangle* s, const Line* l, double* t,
     return True
 
 
+cdef inline bint triangle_missed(const unsigned char* record, const Frame* f,
+                                 const Shear* seen) noexcept nogil:
+    """Tell whether a ray misses a record's triangle by its edges alone, as `triangle_cut` does."""
+    cdef Vec a = sheared(seen, point(record, 0, f))
+    cdef Vec b = sheared(seen, point(record, 3, f))
+    cdef Vec c = sheared(seen, point(record, 6, f))
+    cdef double u = edge_side(c, b)
+    cdef double v = edge_side(a, c)
+    cdef double w = edge_side(b, a)
+    return (u < 0.0 or v < 0.0 or w < 0.0) and (u > 0.0 or v > 0.0 or w > 0.0)
+
+
 cdef inline bint triangle_hit(const Triangle* s, const Line* l, const Span* span,
                               double* t) noexcept nogil:
     """Tell whether the line meets the triangle beyond its origin.

@@ -5,8 +5,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 class RayRecords:
-    made: int
-    bad: int
     def __init__(self, origin: Sequence[float], bounds: NDArray[np.float64], kind: int) -> None: ...
     def fill(
         self,
@@ -14,5 +12,6 @@ class RayRecords:
         directions: NDArray[np.float64],
         t_min: NDArray[np.float64],
         t_max: NDArray[np.float64],
+        number: int,
         out: NDArray[Any],
-    ) -> None: ...
+    ) -> int: ...

@@ -81,17 +81,8 @@ cdef class RayRecords:
     kind : int
         The kind of the rays, a `bfrt.records.RayKind`.
 
-    Attributes
-    ----------
-    made : int
-        Rays so far; each has the number that there were before it.
-    bad : int
-        Rays so far that are NaN, infinite or of no length, and such that have a NaN for an end.
-        They hit nothing.
     """
 
-    cdef readonly int64_t made
-    cdef readonly int64_t bad
     cdef Vec origin
     cdef Bounds bounds
     cdef int kind
@@ -102,8 +93,8 @@ cdef class RayRecords:
         self.kind = kind
 
     def fill(self, const double[:, ::1] origins, const double[:, ::1] directions,
-             const double[::1] t_min, const double[::1] t_max, QueryRay[::1] out):
-        """Make the records of the next rays.
+             const double[::1] t_min, const double[::1] t_max, int64_t number, QueryRay[::1] out):
+        """Make the records of rays, any thread some.
 
         Parameters
         ----------
@@ -111,19 +102,27 @@ cdef class RayRecords:
             IN. World coordinates.
         t_min, t_max : (n,) float64
             IN. Hits count in (t_min, t_max): a ray begins at its t_min.
+        number : int
+            Of the first.
         out : (n,) records.QUERY_RAY
             OUT. Far origins are brought nearer (exactness rule 6); `moved` is the t of that.
             Extreme directions are divided by two to the `power`, by which their t are multiplied
             later.
+
+        Returns
+        -------
+        int
+            Rays that are NaN, infinite or of no length, and such that have a NaN for an end. They
+            hit nothing.
         """
         cdef QueryRay* a
         cdef Vec o, d
-        cdef int64_t i
+        cdef int64_t i, bad = 0
         with nogil:
             for i in range(out.shape[0]):
                 a = &out[i]
-                a.number, a.kind, a.count = <uint64_t>self.made, self.kind, 0
+                a.number, a.kind, a.count = <uint64_t>(number + i), self.kind, 0
                 o = sub(vec(origins[i, 0], origins[i, 1], origins[i, 2]), self.origin)
                 d = vec(directions[i, 0], directions[i, 1], directions[i, 2])
-                self.made += 1
-                self.bad += not set_ray(a, o, d, t_min[i], t_max[i], &self.bounds)
+                bad += not set_ray(a, o, d, t_min[i], t_max[i], &self.bounds)
+        return bad

@@ -170,6 +170,16 @@ class Columns:
     def __exit__(self, *error: Any) -> None:
         self._stack.__exit__(*error)
 
+    def room(self, n: int) -> dict[str, NDArray[Any]]:
+        """Return arrays for the next n rows, to be filled and put: the answer's own where it can.
+        """
+        made = {}
+        for key, (shape, dtype) in self._shapes.items():
+            own = self._arrays[key][self._done : self._done + n] if key in self._arrays else None
+            fits = own is not None and own.flags.c_contiguous
+            made[key] = own if fits else np.empty((n, *shape[1:]), dtype)
+        return made
+
     def put(self, block: Mapping[str, NDArray[Any]]) -> None:
         """Take the next rows."""
         n = len(next(iter(block.values())))
@@ -181,7 +191,7 @@ class Columns:
                 except OSError as error:
                     assert self._folder is not None
                     raise refused(self._folder / f"{key}.npy", 0, error, "writing") from error
-            else:
+            elif not np.may_share_memory(self._arrays[key], values):
                 self._arrays[key][self._done : self._done + n] = values
         self._done += n
 

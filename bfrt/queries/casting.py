@@ -25,6 +25,7 @@ from bfrt.errors import SettingError
 from bfrt.ids import index_of, stream_of
 from bfrt.phases.all_hits import AllHits
 from bfrt.queries.answers import Columns, Fields, Out, check_folder, check_out, rows, split_ends
+from bfrt.queries.direct import Cast, cast_all, is_resident
 from bfrt.queries.question import Answer, Answers, Query, Question, Sessions
 from bfrt.queries.surfaces import SURFACE, surfaces_of
 from bfrt.records import HIT, NO_HIT, RayKind
@@ -68,6 +69,8 @@ class RowPerRay(NamedTuple):
         Traces the rays of a query, and appends records, one a ray at the most, to answers.
     columns : callable
         Gives the answer's rows for a block of records.
+    cast : callable, optional
+        Has a caster of treelets in memory fill the answer's rows for records of rays.
     """
 
     kind: RayKind
@@ -75,6 +78,7 @@ class RowPerRay(NamedTuple):
     absent: Block
     find: Callable[[Query, Answers], None]
     columns: Callable[[Block], dict[str, Block]]
+    cast: Cast | None = None
 
     def answer(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
         """Answer a question."""
@@ -82,6 +86,8 @@ class RowPerRay(NamedTuple):
         check_out(self.fields, rays.known, question.out)
         with sessions(settings) as tracer:
             query = Query(tracer, rays, self.kind, question.report)
+            if self.cast is not None and rays.known is not None and is_resident(tracer):
+                return query.answer(cast_all(query, self.cast, self.fields, question.out))
             with Answers(query, self.absent.dtype, query.capacities.queue) as answers:
                 self.find(query, answers)
                 with Columns(self.fields, query.rays, question.out) as columns:
@@ -142,7 +148,10 @@ def _missed() -> Block:
 
 
 #: `bfrt.cast_rays`: the nearest hit of each ray.
-NEAREST = RowPerRay(RayKind.EYE, HIT_FIELDS, _missed(), _nearest, _hit_columns)
+NEAREST = RowPerRay(
+    RayKind.EYE, HIT_FIELDS, _missed(), _nearest, _hit_columns,
+    lambda caster, rays, columns: caster.nearest(rays, columns),
+)  # fmt: skip
 
 #: `bfrt.occluded`: whether each ray hits anything.
 ANY_HIT = RowPerRay(
@@ -151,6 +160,7 @@ ANY_HIT = RowPerRay(
     np.array([(NO_HIT,)], NUMBERED),
     _any_hit,
     lambda block: {"occluded": block["number"] == NO_HIT},
+    lambda caster, rays, columns: caster.occluded(rays, columns["occluded"].view(np.uint8)),
 )
 
 #: `bfrt.count_intersections`: the number of each ray's hits.

@@ -95,6 +95,10 @@ class Query:
 
     Attributes
     ----------
+    queue : RayQueue
+        The rays that are still to be taken.
+    known : int, optional
+        The number of rays, where it is known.
     capacities : Capacities
         Memory for rays and hits: no more than the rays fill, with one hit each, where their number
         is known.
@@ -105,26 +109,27 @@ class Query:
         whole = tracer.capacities
         self.capacities = whole if rays.known is None else whole.for_hits(rays.known)
         self.stats = stats_of(tracer)
-        self._queue = RayQueue(tracer.store, rays.blocks, kind)
-        self._known = rays.known
+        self.queue = RayQueue(tracer.store, rays.blocks, kind)
+        self.known = rays.known
         self._report = report
         self._start = time.perf_counter()
 
     @property
     def rays(self) -> int:
         """Return the number of rays so far: all, once they are traced."""
-        return self._queue.taken
+        return self.queue.taken
 
     def trace(self, take: Take, crossings: AllHits | None = None) -> None:
         """Take all rays through the scene; `take` gets them, of QUERY_RAY, as they are complete."""
         self.tracer.begin(self.stats)
         with self.stats.depth(1) as counters:
             outcome = Outcome(Complete(take), None, crossings)
-            self.tracer.trace(self._queue, outcome, counters, self._tell)
+            self.tracer.trace(self.queue, outcome, counters, self.tell)
             counters.rays.eye = self.rays
 
-    def _tell(self, done: int) -> None:
-        total = self.rays if self._known is None else self._known
+    def tell(self, done: int) -> None:
+        """Tell who asked how many rays are finished."""
+        total = self.rays if self.known is None else self.known
         tell(self._report, Progress(1, done, total))
 
     def spool(self, dtype: np.dtype[Any], room: int) -> Spool:
@@ -133,7 +138,7 @@ class Query:
 
     def answer(self, arrays: dict[str, NDArray[Any]]) -> Answer:
         """Return the answer, with the counters."""
-        bad = self._queue.bad
+        bad = self.queue.bad
         answer = Answer(arrays)
         answer.stats = self.stats
         self.stats.total.seconds += time.perf_counter() - self._start

@@ -46,7 +46,13 @@ class Rays(NamedTuple):
 
 
 class RayQueue:
-    """Queues the rays of a query, and makes them into records as they are taken."""
+    """Queues the rays of a query, and makes them into records as they are taken.
+
+    Attributes
+    ----------
+    taken : int
+        Rays taken so far.
+    """
 
     def __init__(self, store: Store, blocks: Iterator[Block], kind: RayKind) -> None:
         empty = store.bounds.empty
@@ -55,17 +61,14 @@ class RayQueue:
         self._blocks = blocks
         self._at = 0
         self._block: Block | None = None
+        self._bad: list[int] = []
+        self.taken = 0
         self._next()
 
     @property
-    def taken(self) -> int:
-        """Return the number of rays taken so far."""
-        return self._records.made
-
-    @property
     def bad(self) -> int:
-        """Return the number of those that are NaN, infinite or of no length."""
-        return self._records.bad
+        """Return the number of rays so far that are NaN, infinite or of no length."""
+        return sum(self._bad)
 
     def _next(self) -> None:
         """Come to the next block that has rays."""
@@ -78,16 +81,38 @@ class RayQueue:
 
     def read(self, most: int) -> NDArray[Any]:
         """Return the next rays, (n,) of records.HIT with n <= most, with paths of QUERY_RAY."""
+        first = self.taken
+        block = self.take(most)
+        return self.records(block, 0, len(block[0]), first).view(HIT)
+
+    def take(self, most: int) -> Block:
+        """Return the next rays as they are given, `most` at the most."""
         n = min(most, len(self))
-        out = np.empty(n, QUERY_RAY)
-        if self._block is not None:
-            part = slice(self._at, self._at + n)
-            o, d, near, far = [np.ascontiguousarray(c[part], np.float64) for c in self._block]
-            self._records.fill(o, d, near, far, out)
-            self._at += n
-            if self._at == len(self._block[0]):
-                self._next()
-        return out.view(HIT)
+        if self._block is None:
+            none = np.empty(0)
+            return none.reshape(0, 3), none.reshape(0, 3), none, none
+        o, d, near, far = self._block
+        part = slice(self._at, self._at + n)
+        self._at += n
+        self.taken += n
+        if self._at == len(o):
+            self._next()
+        return o[part], d[part], near[part], far[part]
+
+    def records(self, block: Block, first: int, last: int, number: int) -> NDArray[Any]:
+        """Make rays [first, last) of a block into records.QUERY_RAY; any thread may.
+
+        Parameters
+        ----------
+        number : int
+            Of the first.
+        """
+        out = np.empty(last - first, QUERY_RAY)
+        o, d, near, far = [np.ascontiguousarray(c[first:last], np.float64) for c in block]
+        bad = self._records.fill(o, d, near, far, number, out)
+        if bad:
+            self._bad.append(bad)
+        return out
 
 
 def rays_of(origins: Given, directions: Given | None, t_min: ArrayLike, t_max: ArrayLike) -> Rays:

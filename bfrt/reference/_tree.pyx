@@ -66,8 +66,8 @@ def treelets_met(const uint8_t[::1] nodes, const uint32_t[::1] leaves, const flo
     cdef Top top
     cdef int i, n
     top.nodes, top.leaves = <const Node*>&nodes[0], &leaves[0]
-    top.boxes, top.padding, top.spans = <const Box*>&boxes[0, 0], 0.0, node_spanner(plain)
-    top.count = boxes.shape[0]
+    top.boxes, top.stride = <const unsigned char*>&boxes[0, 0], sizeof(Box)
+    top.count, top.padding, top.spans = boxes.shape[0], 0.0, node_spanner(plain)
     look.first.t, look.first.treelet = first
     look.reach, look.most, look.node_tests = reach, most, 0
     n = next_treelets(&top, &l, &slope, &look, found)

@@ -210,6 +210,7 @@ class StreamWriter:
             "id_bytes": 0,
             "treelets": 0,
             "nodes": 0,
+            "treelet_bytes": 0,
             "files": files,
         }
 

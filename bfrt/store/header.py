@@ -199,6 +199,7 @@ STREAM = fields(
     id_bytes=whole(9),
     treelets=whole(1 << INDEX_BITS),
     nodes=whole(1 << INDEX_BITS),
+    treelet_bytes=whole(1 << INDEX_BITS),
     files=named(FACTS),
 )
 GROUP = fields(

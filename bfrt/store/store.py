@@ -85,6 +85,7 @@ class Stream:
     id_bytes: int
     treelets: int
     nodes: int
+    treelet_bytes: int
     files: dict[str, FileFacts]
 
     @property
@@ -192,6 +193,11 @@ class Store:
     @property
     def streams(self) -> list[Stream]:
         return [stream for group in self.groups for stream in group.streams]
+
+    @property
+    def ordered(self) -> bool:
+        """Tell whether all objects are in spatial order, in treelets."""
+        return all(stream.ordered for stream in self.streams)
 
     @property
     def world_bounds(self) -> Bounds:

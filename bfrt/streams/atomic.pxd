@@ -31,6 +31,11 @@ cdef extern from *:
         __atomic_load((const double *)p, &x, __ATOMIC_RELAXED);
         return x;
     }
+    /* A flag that says that what was written before it is there. */
+    static inline void bfrt_publish(uint8_t *p) { __atomic_store_n(p, 1, __ATOMIC_RELEASE); }
+    static inline int bfrt_published(const uint8_t *p) {
+        return __atomic_load_n(p, __ATOMIC_ACQUIRE);
+    }
     static inline void bfrt_lock(uint8_t *p) {
         while (__atomic_test_and_set(p, __ATOMIC_ACQUIRE)) {
             while (__atomic_load_n(p, __ATOMIC_RELAXED)) {}
@@ -44,5 +49,7 @@ cdef extern from *:
     void atomic_add_saturating "bfrt_atomic_add_saturating"(int64_t* p, int64_t n) noexcept nogil
     int64_t atomic_exchange "bfrt_atomic_exchange"(int64_t* p, int64_t n) noexcept nogil
     double atomic_load "bfrt_atomic_load"(const void* p) noexcept nogil
+    void publish "bfrt_publish"(uint8_t* p) noexcept nogil
+    bint published "bfrt_published"(const uint8_t* p) noexcept nogil
     void lock "bfrt_lock"(uint8_t* p) noexcept nogil
     void unlock "bfrt_unlock"(uint8_t* p) noexcept nogil

@@ -1,26 +1,29 @@
-"""The treelets of a store: the tree above them, which is always in memory, and each one's piece."""
+"""The treelets of a store: the tree above them, which is always in memory, and where each one is."""
 
-from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.records cimport Treelet
-from bfrt.streams.reader cimport SharedFile
+from bfrt.streams.atomic cimport published
 from bfrt.tree.top cimport Top
 from bfrt.tree.walk cimport Piece
 
-# A stream as its treelets need it; the pointers are NULL where it is read treelet by treelet.
+# A stream as its treelets need it; where treelets are read one after another, there are files only.
 cdef struct TreeStream:
     int kind
     bint counted
     size_t stride
     Frame frame
     uint64_t number
-    const unsigned char* nodes
-    const unsigned char* records
-    const uint32_t* ends
+    int id_bytes
+    unsigned char* nodes
+    unsigned char* records
+    uint32_t* ends          # NULL where each object has one record
+    unsigned char* ids
     void* node_file         # SharedFiles
-    void* geometry_file
-    void* offset_file       # NULL where each object has one record
+    void* record_file
+    void* end_file
+    void* id_file
 
 
 cdef class Forest:
@@ -31,9 +34,33 @@ cdef class Forest:
     cdef const Treelet* treelet
     cdef const uint16_t[::1] stream_of  # of each treelet, by its place in `streams`
     cdef TreeStream* streams
+    cdef uint8_t[::1] there     # of each treelet, whether it is in memory
+    cdef uint8_t[::1] locks
+    cdef int64_t treelets_read
     cdef list kept      # what the pointers point into
     cdef list files
 
-    cdef void* opened(self, stream, name) except NULL
     cdef object keep(self, array)
+    cdef int open_stream(self, int place, stream, store) except -1
+    cdef int grow_top(self, table, bint plain) except -1
+    cdef void* opened(self, stream, name) except NULL
+    cdef unsigned char* memory_of(self, stream, name) except NULL
+    cdef int load(self, uint32_t first, uint32_t end) except -1 nogil
+    cdef int fetch(self, uint32_t treelet) except -1 nogil
     cdef void resident_piece(self, uint32_t treelet, Piece* p) noexcept nogil
+
+
+cdef inline const Treelet* treelet_at(Forest f, uint32_t treelet) noexcept nogil:
+    return f.treelet + treelet
+
+
+cdef inline const TreeStream* stream_at(Forest f, uint32_t treelet) noexcept nogil:
+    """Return the stream of a treelet."""
+    return &f.streams[f.stream_of[treelet]]
+
+
+cdef inline int want(Forest f, uint32_t treelet) except -1 nogil:
+    """See that a treelet of a resident forest is in memory."""
+    if not published(&f.there[treelet]):
+        f.fetch(treelet)
+    return 0

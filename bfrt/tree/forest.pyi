@@ -1,4 +1,13 @@
-from bfrt.store.store import Store
+from typing import Any
+
+from numpy.typing import NDArray
+
+from bfrt.store.store import Store, Stream
+
+TREELET_SHARE: int
+PARTS: tuple[str, ...]
+
+def table_of(stream: Stream) -> NDArray[Any]: ...
 
 class Forest:
     treelets: int
@@ -11,4 +20,5 @@ class Forest:
     def bytes(store: Store) -> int: ...
     @staticmethod
     def resident_bytes(store: Store) -> int: ...
-    def counts(self) -> tuple[int, int]: ...
+    def counts(self) -> tuple[int, int, int]: ...
+    def load_part(self, first: int, end: int) -> None: ...

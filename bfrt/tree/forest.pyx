@@ -3,23 +3,59 @@
 cimport cython
 from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.string cimport memset
 
 import numpy as np
 
-from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport frame_of
-from bfrt.records cimport INDEX_BITS, NODE_BYTES, Treelet
+from bfrt.records cimport INDEX_BITS, NODE_BYTES, OFFSET_BYTES, TREELET_BYTES, Treelet
+from bfrt.streams.atomic cimport atomic_add, atomic_exchange, lock, publish, published, unlock
 from bfrt.streams.reader cimport SharedFile
+from bfrt.tree.reading cimport check_ends, check_nodes, read_at
 from bfrt.tree.walk cimport Piece
 from bfrt.treelets.node cimport Node, node_spanner
 
-from bfrt.records import NODE, TREELET
+from bfrt.errors import StoreError
+from bfrt.records import TREELET
 from bfrt.treelets.build import TreeletBuilder
+
+#: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
+#: reference, its places in the order and among the leaves, a part of a node, its stream, its state,
+#: and where its rays begin.
+TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 32 + 2 + 2 + 8
+
+#: The files that treelets consist of; `ends` are of objects with several records each.
+PARTS = "nodes", "geometry", "offsets", "ids"
+
+
+def table_of(stream):
+    """Read a stream's treelets, (treelets,) of records.TREELET, which follow one another.
+
+    Raises
+    ------
+    StoreError
+        If they do not, or have boxes that are none.
+    """
+    path = stream.path("treelets")
+    table = np.fromfile(path, TREELET)
+    good = len(table) == stream.treelets
+    for begin, size, end in (("first", "count", stream.count), ("node", "nodes", stream.nodes)):
+        ends = np.cumsum(table[size], dtype=np.uint64)
+        begins = ends - table[size]
+        good = good and np.array_equal(table[begin], begins) and table[size].sum() == end
+    for axis in "xyz":
+        low, high = table[f"lo{axis}"], table[f"hi{axis}"]
+        good = good and bool((np.isfinite(low) & np.isfinite(high) & (low <= high)).all())
+    if not good or (table["nodes"] == 0).any():
+        raise StoreError(f"{path}: found treelets that do not follow one another, expected all")
+    return table
 
 
 @cython.final
 cdef class Forest:
-    """Holds the tree above the treelets of a store, and all of them where memory has room.
+    """Holds the tree above the treelets of a store, and treelets where memory has room for all.
+
+    Those are read when a ray first comes to them, or many at once by `load_part`, and stay.
 
     Parameters
     ----------
@@ -28,7 +64,7 @@ cdef class Forest:
     padding : float
         d, by which boxes are padded (docs/algorithm.rst, Exactness).
     resident : bool
-        Whether nodes and geometry are read now, and stay.
+        Whether treelets stay in memory.
     plain : bool
         Whether boxes are tested without wide vectors; it changes no answer.
 
@@ -36,13 +72,14 @@ cdef class Forest:
     ----------
     treelets : int
         Number of treelets.
+
+    Raises
+    ------
+    StoreError
+        If the treelets are not what they should be.
     """
 
     def __cinit__(self, store, double padding, bint resident, bint plain=False):
-        cdef const uint8_t[::1] raw
-        cdef const uint32_t[::1] leaves
-        cdef const float[:, ::1] boxes
-        cdef TreeStream* s
         self.padding, self.resident = padding, resident
         self.kept, self.files = [], []
         streams = [stream for stream in store.streams if stream.treelets]
@@ -52,44 +89,41 @@ cdef class Forest:
         tables = [np.empty(0, TREELET)]
         numbers = [np.empty(0, np.uint16)]
         for place, stream in enumerate(streams):
-            s = &self.streams[place]
-            s.kind, s.counted, s.stride = stream.kind, stream.kind.counted, stream.stride
-            s.frame = frame_of(stream.wide, store.origin)
-            s.number = stream.number
-            s.nodes = s.records = NULL
-            s.ends = NULL
-            tables.append(np.fromfile(stream.path("treelets"), TREELET))
+            self.open_stream(place, stream, store)
+            tables.append(table_of(stream))
             numbers.append(np.full(stream.treelets, place, np.uint16))
-            if resident:
-                raw = self.keep(np.fromfile(stream.path("nodes"), np.uint8))
-                s.nodes = &raw[0]
-                raw = self.keep(np.fromfile(stream.path("geometry"), np.uint8))
-                s.records = &raw[0]
-                if s.counted:
-                    raw = self.keep(np.fromfile(stream.path("offsets"), np.uint8))
-                    s.ends = <const uint32_t*>&raw[0]
-            s.node_file = self.opened(stream, "nodes")
-            s.geometry_file = self.opened(stream, "geometry")
-            s.offset_file = self.opened(stream, "offsets") if s.counted else NULL
-        table = self.keep(np.concatenate(tables))
-        self.stream_of = self.keep(np.concatenate(numbers))
+        table = self.keep(tables[1] if len(streams) == 1 else np.concatenate(tables))
         self.treelets = len(table)
-        sides = [table[name] for name in ("lox", "loy", "loz", "hix", "hiy", "hiz")]
-        boxes = self.keep(np.ascontiguousarray(np.stack(sides, 1)))
-        nodes, _, order = TreeletBuilder(max(1, self.treelets), 1).build(boxes)
-        self.top.padding, self.top.spans = padding, node_spanner(plain)
-        self.top.count = self.treelets
-        if self.treelets:
-            raw = self.keep(table.view(np.uint8))
-            self.treelet = <const Treelet*>&raw[0]
-            raw = self.keep(nodes.copy().view(np.uint8))
-            self.top.nodes = <const Node*>&raw[0]
-            leaves = self.keep(order.copy())
-            self.top.leaves = &leaves[0]
-            self.top.boxes = <const Box*>&boxes[0, 0]
+        self.stream_of = np.concatenate(numbers)
+        self.there = np.zeros(self.treelets if resident else 0, np.uint8)
+        self.locks = np.zeros(self.treelets if resident else 0, np.uint8)
+        self.grow_top(table, plain)
 
     def __dealloc__(self):
         PyMem_RawFree(self.streams)
+
+    cdef object keep(self, array):
+        """Keep an array as long as this is there."""
+        self.kept.append(array)
+        return array
+
+    cdef int open_stream(self, int place, stream, store) except -1:
+        """Open the files of a stream, and take memory for them."""
+        cdef TreeStream* s = &self.streams[place]
+        memset(s, 0, sizeof(TreeStream))
+        s.kind, s.counted, s.stride = stream.kind, stream.kind.counted, stream.stride
+        s.frame = frame_of(stream.wide, store.origin)
+        s.number, s.id_bytes = stream.number, stream.id_bytes
+        s.node_file, s.record_file = self.opened(stream, "nodes"), self.opened(stream, "geometry")
+        s.id_file = self.opened(stream, "ids")
+        if s.counted:
+            s.end_file = self.opened(stream, "offsets")
+        if self.resident:
+            s.nodes = self.memory_of(stream, "nodes")
+            s.records, s.ids = self.memory_of(stream, "geometry"), self.memory_of(stream, "ids")
+            if s.counted:
+                s.ends = <uint32_t*>self.memory_of(stream, "offsets")
+        return 0
 
     cdef void* opened(self, stream, name) except NULL:
         """Open a file of a stream for as long as this is there."""
@@ -97,35 +131,110 @@ cdef class Forest:
         self.files.append(file)
         return <void*>file
 
-    def counts(self):
-        """Return the bytes read and the seeks since the last call, as a pair."""
-        counts = [file.counts() for file in self.files]
-        return sum(count[0] for count in counts), sum(count[1] for count in counts)
+    cdef unsigned char* memory_of(self, stream, name) except NULL:
+        """Take memory for a file, of which the system gives what is used."""
+        cdef uint8_t[::1] bytes = self.keep(np.empty(stream.files[name].bytes, np.uint8))
+        return &bytes[0]
 
-    cdef object keep(self, array):
-        """Keep an array as long as this is there."""
-        self.kept.append(array)
-        return array
+    cdef int grow_top(self, table, bint plain) except -1:
+        """Build the tree above the treelets."""
+        cdef const uint8_t[::1] raw
+        cdef const uint32_t[::1] leaves
+        cdef Top* top = &self.top
+        top.padding, top.spans, top.count = self.padding, node_spanner(plain), self.treelets
+        if not self.treelets:
+            return 0
+        raw = table.view(np.uint8)
+        self.treelet = <const Treelet*>&raw[0]
+        top.boxes, top.stride = &raw[0], sizeof(Treelet)
+        boxes = table.view(np.float32).reshape(self.treelets, -1)[:, :6]
+        nodes, _, order = TreeletBuilder(self.treelets, 1).build(boxes)
+        raw = self.keep(nodes.copy().view(np.uint8))
+        top.nodes = <const Node*>&raw[0]
+        leaves = self.keep(order.copy())
+        top.leaves = &leaves[0]
+        return 0
 
     @staticmethod
     def bytes(store):
         """Return the bytes of the tree above, with the table of treelets."""
-        treelets = sum(stream.treelets for stream in store.streams)
-        return treelets * (3 * TREELET.itemsize + NODE.itemsize + 16)
+        return TREELET_SHARE * sum(stream.treelets for stream in store.streams)
 
     @staticmethod
     def resident_bytes(store):
-        """Return the bytes of all nodes and geometry."""
-        names = "nodes", "geometry", "offsets"
+        """Return the bytes of all treelets."""
         return sum(
             stream.files[name].bytes
-            for stream in store.streams for name in names if name in stream.files
+            for stream in store.streams for name in PARTS if name in stream.files
         )
+
+    def counts(self):
+        """Return the bytes read, the seeks and the treelets read since the last call."""
+        counts = [file.counts() for file in self.files]
+        read = atomic_exchange(&self.treelets_read, 0)
+        return sum(count[0] for count in counts), sum(count[1] for count in counts), read
+
+    def load_part(self, uint32_t first, uint32_t end):
+        """Read the treelets in [first, end) of a resident forest, in order; any thread may."""
+        cdef uint32_t k = first, last
+        with nogil:
+            while k < end:
+                last = k
+                while last < end and self.stream_of[last] == self.stream_of[k]:
+                    last += 1
+                self.load(k, last)
+                k = last
+
+    cdef int load(self, uint32_t first, uint32_t end) except -1 nogil:
+        """Read treelets [first, end) of one stream to their places."""
+        cdef const TreeStream* s = stream_at(self, first)
+        cdef const Treelet* a = treelet_at(self, first)
+        cdef const Treelet* b = treelet_at(self, end - 1)
+        cdef int64_t nodes = <int64_t>(b.node + b.nodes - a.node)
+        cdef int64_t begin = <int64_t>a.first, count = <int64_t>(b.first + b.count - a.first)
+        cdef int64_t record = begin, records = count
+        cdef uint32_t k
+        read_at(<SharedFile>s.node_file, s.nodes + a.node * NODE_BYTES, nodes * NODE_BYTES,
+                a.node * NODE_BYTES)
+        for k in range(first, end):
+            check_nodes(
+                <const Node*>(s.nodes + self.treelet[k].node * NODE_BYTES), self.treelet[k].nodes,
+                self.treelet[k].count, <SharedFile>s.node_file,
+            )
+        if s.counted:
+            record = 0
+            if begin:
+                read_at(<SharedFile>s.end_file, s.ends + begin - 1, OFFSET_BYTES,
+                        (begin - 1) * OFFSET_BYTES)
+                record = s.ends[begin - 1]
+            read_at(<SharedFile>s.end_file, s.ends + begin, count * OFFSET_BYTES,
+                    begin * OFFSET_BYTES)
+            check_ends(s.ends + begin, count, <uint32_t>record,
+                       (<SharedFile>s.record_file).size // s.stride, <SharedFile>s.end_file)
+            records = s.ends[begin + count - 1] - record
+        read_at(<SharedFile>s.record_file, s.records + record * s.stride, records * s.stride,
+                record * s.stride)
+        read_at(<SharedFile>s.id_file, s.ids + begin * s.id_bytes, count * s.id_bytes,
+                begin * s.id_bytes)
+        atomic_add(&self.treelets_read, end - first)
+        for k in range(first, end):
+            publish(&self.there[k])
+        return 0
+
+    cdef int fetch(self, uint32_t treelet) except -1 nogil:
+        """Read a treelet to its place, unless another thread has by now."""
+        lock(&self.locks[treelet])
+        try:
+            if not published(&self.there[treelet]):
+                self.load(treelet, treelet + 1)
+        finally:
+            unlock(&self.locks[treelet])
+        return 0
 
     cdef void resident_piece(self, uint32_t treelet, Piece* p) noexcept nogil:
         """Set a piece to a treelet that is in memory."""
-        cdef const Treelet* t = &self.treelet[treelet]
-        cdef const TreeStream* s = &self.streams[self.stream_of[treelet]]
+        cdef const Treelet* t = treelet_at(self, treelet)
+        cdef const TreeStream* s = stream_at(self, treelet)
         p.kind, p.stride, p.frame = s.kind, s.stride, s.frame
         p.nodes = <const Node*>(s.nodes + t.node * NODE_BYTES)
         p.first = s.number << INDEX_BITS | t.first

@@ -9,6 +9,8 @@ from bfrt.scan.given_order import GivenOrder
 from bfrt.tree.forest import Forest
 
 RAY_WORDS: int
+RAYS_AT_ONCE: int
+RETIRED_BYTES: int
 
 class TreeRays:
     active: int
@@ -40,4 +42,5 @@ class TreeIntersector:
     def meet(
         self, rays: TreeRays, found: NDArray[np.uint64], starts: NDArray[np.int64]
     ) -> None: ...
+    def descend(self, rays: TreeRays, first: int, last: int) -> None: ...
     def tests(self) -> tuple[int, int]: ...

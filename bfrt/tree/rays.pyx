@@ -13,18 +13,22 @@ from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
 from bfrt.scan.given_order cimport GivenOrder, comes_first
 from bfrt.streams.atomic cimport atomic_fetch_add, atomic_load, lock, unlock
+from bfrt.tree.descent cimport descend
 from bfrt.tree.forest cimport Forest
 from bfrt.tree.pieces cimport PieceReader
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, entry_of, next_treelets
-from bfrt.tree.walk cimport Piece, Search, set_reach, walk_treelet
-from bfrt.treelets.node cimport slope_of
+from bfrt.tree.walk cimport Piece, Search, aim, set_reach, walk_treelet
 
 import numpy as np
 
-from bfrt.records import CANDIDATE_BYTES, PATH, RAY, RAY_BYTES
+from bfrt.records import CANDIDATE_BYTES, HIT_BYTES, PATH, RAY, RAY_BYTES
 
 #: A ray's memory, in candidates'.
 RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
+
+#: Rays that a thread looks at together, and the bytes of those of them that are complete.
+RAYS_AT_ONCE = 2048
+RETIRED_BYTES = RAYS_AT_ONCE * HIT_BYTES
 
 cdef enum:
     NO_TREELET = 0xFFFFFFFF
@@ -48,8 +52,8 @@ cdef inline void begin(Ray* r, double t, uint64_t id, int kind) noexcept nogil:
 
 cdef inline void search_for(Search* s, const Ray* r, Forest f) noexcept nogil:
     """Begin a ray's search, with its hit so far."""
-    s.line = ray_line(r)
-    s.slope = slope_of(&s.line, f.padding)
+    cdef Line l = ray_line(r)
+    aim(s, &l, f.padding)
     s.kind = r.kind
     s.id = r.id
     set_reach(s, atomic_load(&r.t))
@@ -97,6 +101,7 @@ cdef class TreeRays:
     cdef Path[::1] paths
     cdef uint64_t[::1] slots
     cdef int64_t used
+    cdef int64_t[::1] starts
 
     def __cinit__(self, Forest forest not None, int64_t capacity, int64_t candidates):
         cdef int64_t words = capacity * RAY_WORDS
@@ -105,6 +110,7 @@ cdef class TreeRays:
         self.memory = self.slots = np.empty(words + candidates, np.uint64)
         self.records = self.rays = self.memory[:words].view(RAY)
         self.path_records = self.paths = np.empty(capacity, PATH)
+        self.starts = np.empty(forest.treelets + 1, np.int64)
 
     @property
     def all(self):
@@ -187,12 +193,16 @@ cdef class TreeRays:
 
     def candidates(self):
         """Return the candidates of the pass, sorted by treelet, and where those of each begin."""
-        found = np.asarray(self.slots[:self.used])
-        found.sort()
-        treelets = found >> np.uint64(RAY_SHIFT)
-        others = np.flatnonzero(treelets[1:] != treelets[:len(treelets) - 1]) + 1
-        begin = np.zeros(min(1, len(found)), np.int64)
-        return found, np.concatenate([begin, others, [len(found)]])
+        cdef uint64_t[::1] found = self.slots[:self.used]
+        cdef int64_t i, n = 0
+        np.asarray(found).sort()
+        with nogil:
+            for i in range(found.shape[0]):
+                if i == 0 or found[i] >> RAY_SHIFT != found[i - 1] >> RAY_SHIFT:
+                    self.starts[n] = i
+                    n += 1
+            self.starts[n] = found.shape[0]
+        return found, self.starts[:n + 1]
 
     def retire(self, int64_t first, int64_t last, Film film, const double[::1] background,
                Hit[::1] hits):
@@ -255,7 +265,7 @@ cdef class TreeIntersector:
 
     def __cinit__(self, Forest forest not None, GivenOrder order not None):
         self.forest, self.order = forest, order
-        self.pieces = PieceReader(forest)
+        self.pieces = None if forest.resident else PieceReader(forest)
         self.search.order = <void*>order
         self.search.spans = forest.top.spans
 
@@ -292,6 +302,25 @@ cdef class TreeIntersector:
                     walk_treelet(p, s)
                     if s.crossings == NULL:
                         keep(r, s)
+            if self.crossings is not None:
+                hand_over(self.crossings)
+
+    def descend(self, TreeRays rays, int64_t first, int64_t last):
+        """Test rays [first, last) against all that they may meet, of a resident forest."""
+        cdef Search* s = &self.search
+        cdef Ray* r
+        cdef int64_t i
+        with nogil:
+            for i in range(first, last):
+                r = &rays.rays[i]
+                if r.state == OVER:
+                    continue
+                r.state = OVER
+                s.mark = <uint32_t>i
+                search_for(s, r, self.forest)
+                descend(self.forest, s)
+                if s.crossings == NULL:
+                    r.t, r.id = s.t, s.id
             if self.crossings is not None:
                 hand_over(self.crossings)
 

@@ -19,7 +19,8 @@ cdef enum:
 cdef struct Top:
     const Node* nodes
     const uint32_t* leaves
-    const Box* boxes    # by number
+    const unsigned char* boxes      # of the treelets, by number, so many bytes apart
+    size_t stride
     int64_t count
     double padding      # d, by which objects' boxes are padded
     NodeSpan spans
@@ -37,7 +38,7 @@ cdef inline bint comes_before(const Entry* one, const Entry* other) noexcept nog
 cdef inline bint entry_of(const Top* top, const Line* l, uint32_t treelet, Entry* e) noexcept nogil:
     """Find where a ray enters a treelet's box; false for nowhere."""
     cdef Span span
-    if not box_span(&top.boxes[treelet], top.padding, l, &span):
+    if not box_span(<const Box*>(top.boxes + treelet * top.stride), top.padding, l, &span):
         return False
     e.t, e.treelet = span.near, treelet
     return True

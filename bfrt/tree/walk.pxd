@@ -8,12 +8,15 @@ from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 from bfrt.bits cimport lowest_bit, ones
 from bfrt.geometry.box cimport Box, above, box_span
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.geometry.shape cimport BoxHit, Shape, shape_bounds, shape_load, shape_meet
+from bfrt.geometry.outline cimport Shear, shear_along
+from bfrt.geometry.shape cimport (
+    BoxHit, Shape, shape_bounds, shape_load, shape_meet, shape_missed,
+)
 from bfrt.geometry.vector cimport Line
 from bfrt.phases.crossings cimport CrossingBuffer, cross
 from bfrt.records cimport NO_HIT, SHADOW
 from bfrt.scan.given_order cimport GivenOrder, comes_first
-from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope
+from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope, slope_of
 
 cdef enum:
     WAITING = 7 * (32 + 16)  # nodes of a walk: seven a level; DEEPEST of the build, and halves
@@ -33,6 +36,7 @@ cdef struct Piece:
 # A ray on its way down: its line, as nodes see it, and the nearest hit so far.
 cdef struct Search:
     Line line
+    Shear seen
     Slope slope
     NodeSpan spans
     double t
@@ -52,6 +56,13 @@ cdef inline void set_reach(Search* s, double t) noexcept nogil:
     s.reach = above(t)
 
 
+cdef inline void aim(Search* s, const Line* l, double grow) noexcept nogil:
+    """Set up a search along a line."""
+    s.line = l[0]
+    s.slope = slope_of(l, grow)
+    s.seen = shear_along(l)
+
+
 cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nogil:
     """Test one object, and keep its hit if it is nearer, or all of its hits."""
     cdef Shape shape
@@ -61,12 +72,14 @@ cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nog
     if p.ends != NULL:
         begin = (p.ends[i - 1] if i > 0 else p.begin) - p.begin
         n = p.ends[i] - p.begin - begin
+    s.object_tests += 1
+    if shape_missed(p.kind, p.records + begin * p.stride, &p.frame, &s.line, &s.seen):
+        return 0
     if not shape_load(p.kind, p.records + begin * p.stride, n, &p.frame, &shape):
         return 0
     shape_bounds(&shape, &box)
     if not box_span(&box, s.slope.grow, &s.line, &m.span) or m.span.near > s.t:
         return 0
-    s.object_tests += 1
     m.line = s.line
     if s.crossings != NULL:
         m.mark = s.mark

@@ -88,13 +88,13 @@ cdef class TreeletBuilder:
         self.capacity = n
         return 0
 
-    def build(self, const float[:, ::1] boxes):
+    def build(self, const float[:, :] boxes):
         """Build the treelets of a window.
 
         Parameters
         ----------
         boxes : (n, 6) float32
-            Empty ones are below no node: they come last, in the last treelet.
+            The six of each are side by side. Empty ones are below no node: they come last, in the last treelet.
 
         Returns
         -------

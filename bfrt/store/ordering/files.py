@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bfrt.records import NODE_BYTES, OFFSET_BYTES
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
 from bfrt.store.ordering.objects import Layout
@@ -35,6 +37,8 @@ class OrderedFiles:
     ----------
     treelets, nodes : int
         Numbers of them.
+    treelet_bytes : int
+        Bytes of the largest treelet: its nodes, its records, and where they end.
     """
 
     def __init__(self, folder: Path, layout: Layout, count: int, durable: bool) -> None:
@@ -42,7 +46,8 @@ class OrderedFiles:
             folder.mkdir()
         except OSError as error:
             raise refused(folder, 0, error, "creating") from error
-        self.treelets = self.nodes = 0
+        self.treelets = self.nodes = self.treelet_bytes = 0
+        self._layout = layout
         self.folder = folder
         self.id_bytes = 4 if count <= SHORT_IDS else 8
         self._done = self._vertices = 0
@@ -70,6 +75,8 @@ class OrderedFiles:
             self._vertices = int(ends[-1])
             files["boxes"].write(window.boxes)
         treelets = window.treelets
+        sizes = treelet_sizes(window, self._layout)
+        self.treelet_bytes = max(self.treelet_bytes, int(sizes.max(initial=0)))
         treelets["first"] += self._done
         treelets["node"] += self.nodes
         files["treelets"].write(treelets)
@@ -92,6 +99,7 @@ class OrderedFiles:
             "id_bytes": self.id_bytes,
             "treelets": self.treelets,
             "nodes": self.nodes,
+            "treelet_bytes": self.treelet_bytes,
             "files": facts,
         }
 
@@ -100,6 +108,18 @@ class OrderedFiles:
         for file in self._files.values():
             file.abandon()
         self._materials.abandon()
+
+
+def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
+    """Return the bytes of each treelet of a window: its nodes, its records, where these end."""
+    treelets, objects = window.treelets, window.objects
+    count = treelets["count"].astype(np.int64)
+    nodes = treelets["nodes"].astype(np.int64) * NODE_BYTES
+    if not layout.kind.counted:
+        return nodes + count * layout.stride
+    ends = np.concatenate([[0], np.cumsum(objects.counts, dtype=np.int64)])
+    first = treelets["first"].astype(np.int64)
+    return nodes + count * OFFSET_BYTES + (ends[first + count] - ends[first]) * layout.stride
 
 
 def replace_folder(folder: Path, other: Path) -> None:

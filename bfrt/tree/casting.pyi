@@ -1,0 +1,13 @@
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.scan.given_order import GivenOrder
+from bfrt.tree.forest import Forest
+
+class TreeCaster:
+    def __init__(self, forest: Forest, order: GivenOrder) -> None: ...
+    def occluded(self, rays: NDArray[Any], hit: NDArray[np.uint8]) -> None: ...
+    def nearest(self, rays: NDArray[Any], columns: dict[str, NDArray[Any]]) -> None: ...
+    def tests(self) -> tuple[int, int]: ...
