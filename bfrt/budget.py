@@ -128,9 +128,7 @@ class TreeCapacities(Capacities):
 def fixed_bytes(store: Store, settings: Settings) -> int:
     """Return the bytes that a render takes under any budget, without frame, rays and grid."""
     threads = settings.threads
-    shared = (
-        BASELINE + GroupScans.bytes(store.streams, threads) + Shading.bytes(store, threads)
-    )
+    shared = BASELINE + GroupScans.bytes(store.streams, threads) + Shading.bytes(store, threads)
     if settings.refinement.tree:
         return shared + Forest.bytes(store) + threads * (PieceReader.bytes(store) + RETIRED_BYTES)
     return shared + Selection.bytes(store, threads) + threads * (DELAYS_BYTES + MARKS_BUFFER)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import time
 
-from bfrt.budget import Capacities
+from bfrt.budget import GridCapacities
 from bfrt.phases.traversal import Queue, Sink, Sinks, Traversal
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans
@@ -33,8 +33,8 @@ class GridTracer(Tracer):
     ----------
     store : Store
     settings : Settings
-    capacities : Capacities
-        The capacities that the memory budget gives.
+    capacities : GridCapacities
+        What the memory budget has room for.
 
     Attributes
     ----------
@@ -42,7 +42,9 @@ class GridTracer(Tracer):
         The groups, each with its grid.
     """
 
-    def __init__(self, store: Store, settings: Settings, capacities: Capacities) -> None:
+    capacities: GridCapacities
+
+    def __init__(self, store: Store, settings: Settings, capacities: GridCapacities) -> None:
         start = time.perf_counter()
         super().__init__(store, settings, capacities)
         self._entered: TracedGroup | None = None

@@ -43,6 +43,12 @@ class Assumptions:
         Objects marked, rays taken through all phases, and boxes tested, a second and thread.
     tests : float
         Boxes tested a ray.
+    tree_passes, tree_passes_full : float
+        As `passes` and `passes_full`, of treelets.
+    entered : float
+        Treelets that a ray in a pass brings in, which no other ray does.
+    tree_rate : float
+        Rays taken through all phases by treelets, a second and thread.
     """
 
     hits: float = 0.8
@@ -59,6 +65,10 @@ class Assumptions:
     ray_rate: float = 6e5
     test_rate: float = 4e7
     tests: float = 30.0
+    tree_passes: float = 2.0
+    tree_passes_full: float = 1.2
+    entered: float = 0.02
+    tree_rate: float = 4e5
 
 
 ASSUMED = Assumptions()
@@ -96,6 +106,26 @@ class GridPlan:
     slabs_known: bool
     marks_there: bool
     marks_bytes: int
+
+
+@dataclass(frozen=True)
+class TreePlan:
+    """Describes the treelets of a scene.
+
+    Attributes
+    ----------
+    treelets, nodes : int
+        Numbers of them.
+    bytes : int
+        Bytes of all treelets: nodes, geometry, ids.
+    resident : bool
+        Whether they stay in memory once they are read; otherwise they stream.
+    """
+
+    treelets: int
+    nodes: int
+    bytes: int
+    resident: bool
 
 
 @dataclass(frozen=True)
@@ -152,7 +182,9 @@ class Plan:
     bands : int
         Bands of rows in which the frame is rendered.
     grids : tuple of GridPlan
-        The grid of each group.
+        The grid of each group; none where rays go through treelets.
+    tree : TreePlan, optional
+        The treelets, where rays go through them.
     marks_reused : bool
         Whether all marks exist, so that there is no preprocess.
     rays : RayPlan
@@ -177,6 +209,7 @@ class Plan:
     frame_on_disk: bool
     bands: int
     grids: tuple[GridPlan, ...]
+    tree: TreePlan | None
     marks_reused: bool
     rays: RayPlan
     preprocess: PhasePlan
@@ -191,7 +224,8 @@ class Plan:
 
     def __str__(self) -> str:
         """Return tables for people: amounts, grids, phases."""
-        tables = (_amounts(self), _grids(self), _phases(self))
+        structure = _grids(self) if self.tree is None else _tree(self.tree)
+        tables = (_amounts(self), structure, _phases(self))
         return "\n\n".join([*map(aligned, tables), _assumed(self)])
 
 
@@ -236,6 +270,14 @@ def _grids(plan: Plan) -> Rows:
             f"{'' if grid.marks_there else '<= '}{_mb(grid.marks_bytes)}",
         )
         for number, grid in enumerate(plan.grids)
+    ]
+
+
+def _tree(tree: TreePlan) -> Rows:
+    where = "in memory" if tree.resident else "streamed"
+    return [
+        ("treelets", "nodes", "MB", "where"),
+        (f"{tree.treelets:,}", f"{tree.nodes:,}", _mb(tree.bytes), where),
     ]
 
 

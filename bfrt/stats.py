@@ -2,7 +2,8 @@
 
 ``bytes_read`` is what reads returned; ``seeks`` are reads that do not start where the last one of
 that file ended; ``passes`` are sweeps over the objects, the preprocess's and the shading's too;
-``box_tests`` are ray against object box, ``node_tests`` ray against a node of a tree: eight boxes. Phase seconds are wall time and disjoint.
+``box_tests`` are ray against object box, ``node_tests`` ray against a node of a tree, which has
+eight boxes. Phase seconds are wall time and disjoint.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bfrt.budget import Capacities
+from bfrt.budget import Capacities, GridCapacities, TreeCapacities
 from bfrt.grid_tracer import GridTracer
 from bfrt.settings import Settings
 from bfrt.store.store import Store
@@ -12,5 +12,7 @@ from bfrt.tree_tracer import TreeTracer
 
 def tracer_of(store: Store, settings: Settings, capacities: Capacities) -> Tracer:
     """Begin a session on a scene."""
-    kind = TreeTracer if settings.refinement.tree else GridTracer
-    return kind(store, settings, capacities)
+    if isinstance(capacities, TreeCapacities):
+        return TreeTracer(store, settings, capacities)
+    assert isinstance(capacities, GridCapacities)
+    return GridTracer(store, settings, capacities)

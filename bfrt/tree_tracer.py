@@ -190,9 +190,7 @@ class TreeTracer(Tracer):
         self.workers.run(go, self._rays.active, smallest=DESCENDING, largest=DESCENDING)
         self._count(self._intersectors, counters)
 
-    def _count(
-        self, loops: list[TreeIntersector] | list[TreeCaster], counters: Counters
-    ) -> None:
+    def _count(self, loops: list[TreeIntersector] | list[TreeCaster], counters: Counters) -> None:
         self._order.check()
         for loop in loops:
             nodes, objects = loop.tests()

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import Capacities, GridCapacities
 from bfrt.grid.partition import Limits
+from bfrt.grid_tracer import GridTracer
 from bfrt.image.film import Film
 from bfrt.records import HIT, NO_HIT, QUEUED, Kind, RayKind
 from bfrt.reference.exhaustive import advanced
@@ -31,7 +32,6 @@ from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import Group, Store, open_store
 from bfrt.store.writer import StoreWriter
 from bfrt.streams.spool import Spool
-from bfrt.grid_tracer import GridTracer
 from bfrt.tracer import Outcome
 
 Array = NDArray[np.float64]

@@ -9,8 +9,9 @@ import pytest
 from injected import dividing
 
 import bfrt
+from bfrt.grid_planning import swept_of
 from bfrt.planned import ASSUMED
-from bfrt.planning import swept_of, waves
+from bfrt.planner import waves
 from bfrt.records import Kind
 from bfrt.settings import REFINEMENTS
 

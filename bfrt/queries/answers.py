@@ -171,13 +171,13 @@ class Columns:
         self._stack.__exit__(*error)
 
     def room(self, n: int) -> dict[str, NDArray[Any]]:
-        """Return arrays for the next n rows, to be filled and put: the answer's own where it can.
-        """
-        made = {}
+        """Return arrays to fill with the next n rows, and to put: mostly the answer's own."""
+        made: dict[str, NDArray[Any]] = {}
         for key, (shape, dtype) in self._shapes.items():
-            own = self._arrays[key][self._done : self._done + n] if key in self._arrays else None
-            fits = own is not None and own.flags.c_contiguous
-            made[key] = own if fits else np.empty((n, *shape[1:]), dtype)
+            if key in self._arrays and self._arrays[key].flags.c_contiguous:
+                made[key] = self._arrays[key][self._done : self._done + n]
+            else:
+                made[key] = np.empty((n, *shape[1:]), dtype)
         return made
 
     def put(self, block: Mapping[str, NDArray[Any]]) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bfrt.queries.answers import Columns, Fields, Out
 from bfrt.queries.question import Query
+from bfrt.stats import Counters
 from bfrt.tracer import Tracer
 from bfrt.tree.casting import TreeCaster
 from bfrt.tree_tracer import ADMITTED, TreeTracer
@@ -36,17 +37,24 @@ def cast_all(query: Query, cast: Cast, fields: Fields, out: Out | None) -> dict[
         with counters.phases.intersection.timed():
             while len(query.queue):
                 query.tell(query.queue.taken)
-                number = query.queue.taken
-                block = query.queue.take(ADMITTED)
-                made = columns.room(len(block[0]))
-
-                def work(worker: int, first: int, last: int) -> None:
-                    rays = query.queue.records(block, first, last, number + first)
-                    some = {key: values[first:last] for key, values in made.items()}
-                    cast(tracer.casters[worker], rays, some)
-
-                tracer.cast(work, len(block[0]), counters)
-                columns.put(made)
+                columns.put(_cast_some(query, tracer, cast, columns, counters))
             query.tell(query.queue.taken)
         counters.rays.eye = query.rays
     return columns.arrays()
+
+
+def _cast_some(
+    query: Query, tracer: TreeTracer, cast: Cast, columns: Columns, counters: Counters
+) -> dict[str, NDArray[Any]]:
+    """Return the next rows of the answer."""
+    number = query.queue.taken
+    block = query.queue.take(ADMITTED)
+    made = columns.room(len(block[0]))
+
+    def work(worker: int, first: int, last: int) -> None:
+        rays = query.queue.records(block, first, last, number + first)
+        some = {key: values[first:last] for key, values in made.items()}
+        cast(tracer.casters[worker], rays, some)
+
+    tracer.cast(work, len(block[0]), counters)
+    return made

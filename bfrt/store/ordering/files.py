@@ -113,13 +113,14 @@ class OrderedFiles:
 def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
     """Return the bytes of each treelet of a window: its nodes, its records, where these end."""
     treelets, objects = window.treelets, window.objects
-    count = treelets["count"].astype(np.int64)
-    nodes = treelets["nodes"].astype(np.int64) * NODE_BYTES
+    count: NDArray[np.int64] = treelets["count"].astype(np.int64)
+    nodes: NDArray[np.int64] = treelets["nodes"].astype(np.int64) * NODE_BYTES
     if not layout.kind.counted:
         return nodes + count * layout.stride
     ends = np.concatenate([[0], np.cumsum(objects.counts, dtype=np.int64)])
     first = treelets["first"].astype(np.int64)
-    return nodes + count * OFFSET_BYTES + (ends[first + count] - ends[first]) * layout.stride
+    records: NDArray[np.int64] = ends[first + count] - ends[first]
+    return nodes + count * OFFSET_BYTES + records * layout.stride
 
 
 def replace_folder(folder: Path, other: Path) -> None:
