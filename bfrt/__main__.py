@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import sys
 
-from bfrt.process import (
-    INTERRUPTED,
-    INTERRUPTION,
-    Interrupts,
-    flush_streams,
-    open_missing_streams,
-    say,
-)
+try:
+    from bfrt.process import (
+        INTERRUPTED,
+        INTERRUPTION,
+        Interrupts,
+        flush_streams,
+        open_missing_streams,
+        say,
+    )
+except KeyboardInterrupt:  # before there is what takes it
+    sys.stderr.write("bfrt: interrupted\n")
+    sys.exit(130)
 
 
 def run() -> int:

@@ -2,16 +2,20 @@
 
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bfrt import process
 from bfrt.process import Interrupts
+
+PROJECT = Path(__file__).parent.parent / "pyproject.toml"
 
 #: Interrupts the command when it looks for a module, as a part of Python's own start.
 WHEN_IMPORTED = """
@@ -50,14 +54,22 @@ atexit.register(os.kill, os.getpid(), signal.SIGINT)
 LONG = ("spd", "rings", "60", "--nff", "o.nff")
 
 
-def started(folder, *arguments, at_start="", **options):
+MODULE = ("-m", "bfrt")
+
+#: What the script does that is installed.
+SCRIPT = re.search(r'^bfrt = "(\S+):(\S+)"$', PROJECT.read_text(), re.MULTILINE).expand(
+    r"import sys; from \1 import \2; sys.exit(\2())"
+)
+
+
+def started(folder, *arguments, at_start="", how=MODULE):
     """Start the command in a folder, with code that Python runs at its own start."""
     (folder / "start").mkdir()
     (folder / "start" / "sitecustomize.py").write_text(at_start)
     (folder / "work").mkdir()
     paths = [str(folder / "start"), *filter(None, [os.environ.get("PYTHONPATH")])]
     return subprocess.Popen(
-        [sys.executable, "-m", "bfrt", *arguments],
+        [sys.executable, *how, *arguments],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -65,7 +77,6 @@ def started(folder, *arguments, at_start="", **options):
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         # Where the tests run in a shell's background interrupts are ignored, by children too.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        **options,
     )
 
 
@@ -74,13 +85,20 @@ def ended(process):
     return process.returncode, said
 
 
-@pytest.mark.parametrize(
-    "name", ["bfrt.cli", "numpy", "numpy.linalg", "bfrt.streams.reader", "bfrt.grid.grid"]
-)
+NAMES = ["bfrt.process", "bfrt.cli", "numpy", "numpy.linalg", "bfrt.streams.reader"]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_an_interrupt_while_a_module_is_imported(tmp_path, name):
     command = started(tmp_path, *LONG, at_start=WHEN_IMPORTED.format(name=name))
     assert ended(command) == (130, "bfrt: interrupted\n")
     assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_an_interrupt_of_the_script(tmp_path):
+    at_start = WHEN_IMPORTED.format(name="numpy")
+    command = started(tmp_path, *LONG, at_start=at_start, how=("-c", SCRIPT))
+    assert ended(command) == (130, "bfrt: interrupted\n")
 
 
 def test_an_interrupt_that_cython_would_swallow(tmp_path):
