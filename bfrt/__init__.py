@@ -6,68 +6,32 @@
 >>> image.save("scene.exr")
 """
 
-from bfrt import spd
-from bfrt.conversion.convert import convert
-from bfrt.errors import (
-    BfrtError,
-    BudgetError,
-    Cancelled,
-    DiskFullError,
-    SceneError,
-    SettingError,
-    ShortReadError,
-    StoreError,
-    StreamError,
-)
-from bfrt.image.picture import Image
-from bfrt.planned import Plan
-from bfrt.progress import Progress
-from bfrt.queries.question import Answer
-from bfrt.scene import (
-    Scene,
-    SceneWriter,
-    cast_rays,
-    count_intersections,
-    framing_camera,
-    list_intersections,
-    occluded,
-    plan,
-    render,
-)
-from bfrt.scene import open_scene as open
-from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.model import Camera, Light, Material
+from __future__ import annotations
+
+TYPE_CHECKING = False  # known to type checkers; `typing` takes long to import
+if TYPE_CHECKING:
+    from bfrt.api import *  # noqa: F403
+    from bfrt.api import __all__ as __all__
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "Answer",
-    "BfrtError",
-    "BudgetError",
-    "Camera",
-    "Cancelled",
-    "DiskFullError",
-    "Hierarchy",
-    "Image",
-    "Light",
-    "Material",
-    "Plan",
-    "Progress",
-    "Scene",
-    "SceneError",
-    "SceneWriter",
-    "SettingError",
-    "ShortReadError",
-    "StoreError",
-    "StreamError",
-    "cast_rays",
-    "convert",
-    "count_intersections",
-    "framing_camera",
-    "list_intersections",
-    "occluded",
-    "open",
-    "plan",
-    "render",
-    "spd",
-]
+
+def __getattr__(name: str) -> object:
+    """Import `bfrt.api` when something of it is first asked for.
+
+    The command can then be interrupted while it is imported, which takes most of its start.
+    """
+    if name != "__all__" and name.startswith("__"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    offered = import_module("bfrt.api")
+    if hasattr(offered, name):
+        return getattr(offered, name)
+    if name in globals():  # a module that was imported with it
+        return globals()[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__getattr__("__all__")})  # type: ignore[misc]

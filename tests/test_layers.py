@@ -9,7 +9,7 @@ ROOT = Path(__file__).parent.parent / "bfrt"
 
 #: From the ground up; what stands in one line may import from those before, and from itself.
 LAYERS = [
-    {"bits", "errors", "records", "stats", "workers"},
+    {"bits", "errors", "process", "records", "stats", "workers"},
     {"ids", "memory", "planned", "progress"},
     {"settings"},
     {"geometry"},
@@ -35,6 +35,7 @@ LAYERS = [
     {"scene"},
     {"spd"},
     {"conversion"},
+    {"api"},
     {"__init__"},
     {"cli"},
     {"__main__"},

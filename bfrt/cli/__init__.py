@@ -8,7 +8,7 @@
                options, view, bars             what commands have in common
 
 Exit status: 0 for success, 1 for bad input, 2 for wrong use or a refused budget, 130 for an
-interrupt.
+interrupt, 141 where nobody reads what is printed.
 """
 
 from bfrt.cli.command import main, parser

@@ -12,7 +12,7 @@ from bfrt.spd.recipe import SpdScene
 
 def wants_bar(quiet: bool) -> bool:
     """Tell whether to show a progress bar: on a terminal, where tqdm is installed."""
-    if quiet or not sys.stderr.isatty():
+    if quiet or sys.stderr is None or not sys.stderr.isatty():
         return False
     try:
         import tqdm  # noqa: F401

@@ -3,37 +3,32 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import logging
-import os
 import re
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import bfrt
 from bfrt.cli.convert import add_convert
 from bfrt.cli.render import add_render
 from bfrt.cli.spd import add_spd
 from bfrt.cli.store import add_info, add_verify
-from bfrt.errors import BfrtError, BudgetError, SettingError
+from bfrt.errors import BfrtError, BudgetError, SettingError, StreamError
+from bfrt.process import INTERRUPTED, say, silence
 
 BAD_INPUT = 1
 WRONG_USE = 2
-INTERRUPTED = 130
 PIPE_CLOSED = 141
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit status."""
-    given = sys.argv[1:] if arguments is None else arguments
-    options = parser().parse_args(resolutions_apart(given))
-    logging.basicConfig(
-        format="bfrt: %(message)s", level=logging.ERROR if options.quiet else logging.WARNING
-    )
     try:
-        options.run(options)
-        sys.stdout.flush()
+        obey(sys.argv[1:] if arguments is None else arguments)
     except BrokenPipeError:  # who read what is printed has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        silence(sys.stdout)
         return PIPE_CLOSED
     except (BudgetError, SettingError) as error:
         return fail(error, WRONG_USE)
@@ -42,6 +37,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return fail("interrupted", INTERRUPTED)
     return 0
+
+
+def obey(arguments: Sequence[str]) -> None:
+    """Do what the arguments ask for, until it is printed."""
+    try:
+        options = parser().parse_args(resolutions_apart(arguments))
+        logging.basicConfig(
+            format="bfrt: %(message)s", level=logging.ERROR if options.quiet else logging.WARNING
+        )
+        options.run(options)
+    except SystemExit:  # of the parser, which may have printed help
+        flush()
+        raise
+    flush()
+
+
+def flush() -> None:
+    """Have what was printed written."""
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        silence(sys.stdout)
+        if isinstance(error, BrokenPipeError):
+            raise
+        raise StreamError("<stdout>", 0, error.errno or errno.EIO, "writing") from error
 
 
 def resolutions_apart(arguments: Sequence[str]) -> list[str]:
@@ -60,13 +82,23 @@ def resolutions_apart(arguments: Sequence[str]) -> list[str]:
 
 def fail(error: object, status: int) -> int:
     """Print an error in one line."""
-    print(f"bfrt: {error}", file=sys.stderr)
+    say(f"bfrt: {error}")
     return status
+
+
+class Parser(argparse.ArgumentParser):
+    """Hears where help cannot be printed, which its base passes over."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if file is not None and file is sys.stdout:
+            file.write(message)
+        else:
+            super()._print_message(message, file)
 
 
 def parser() -> argparse.ArgumentParser:
     """Build the parser of the command line."""
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="bfrt",
         description="Ray trace scenes larger than memory, out of core, inside a memory budget.",
     )

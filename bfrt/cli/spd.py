@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import sys
 from typing import Any
 
@@ -10,7 +11,8 @@ import bfrt
 from bfrt.cli.bars import making_bar
 from bfrt.cli.options import add_hierarchy, command, hierarchy_of
 from bfrt.conversion.sources import parse_spd
-from bfrt.errors import SettingError
+from bfrt.errors import SettingError, StreamError
+from bfrt.process import say
 from bfrt.settings import at_least_one
 from bfrt.spd.mount import HASHES
 from bfrt.streams.atomic_write import atomic_path
@@ -36,6 +38,8 @@ def run_spd(options: argparse.Namespace) -> None:
     scene = parse_spd(f"spd:{options.name}:{options.size}", hash=options.hash)
     threads = None if options.threads is None else at_least_one("threads", options.threads)
     if options.nff == "-":
+        if sys.stdout is None:
+            raise StreamError("<stdout>", 0, errno.EBADF, "opening")
         scene.write_nff(sys.stdout, threads=threads)
     elif options.nff is not None:
         with (
@@ -46,10 +50,7 @@ def run_spd(options: argparse.Namespace) -> None:
             scene.write_nff(file, threads=threads, progress=progress)
     if options.output is not None:
         if not options.quiet:
-            print(
-                f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes",
-                file=sys.stderr,
-            )
+            say(f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes")
         with making_bar(scene, "store", options.quiet) as progress:
             scene.write(
                 options.output,

@@ -155,6 +155,8 @@ def _open(
 ) -> tuple[BinaryIO, str]:
     """Open a source; return its stream and the name for messages."""
     if source == "-":
+        if sys.stdin is None:
+            raise StreamError("<stdin>", 0, errno.EBADF, "opening")
         return sys.stdin.buffer, "<stdin>"
     if not isinstance(source, (str, os.PathLike)):
         name = getattr(source, "name", None)

@@ -1,0 +1,65 @@
+"""All that ``bfrt`` offers, under one name; `bfrt` itself imports it when it is first used."""
+
+from bfrt import spd
+from bfrt.conversion.convert import convert
+from bfrt.errors import (
+    BfrtError,
+    BudgetError,
+    Cancelled,
+    DiskFullError,
+    SceneError,
+    SettingError,
+    ShortReadError,
+    StoreError,
+    StreamError,
+)
+from bfrt.image.picture import Image
+from bfrt.planned import Plan
+from bfrt.progress import Progress
+from bfrt.queries.question import Answer
+from bfrt.scene import (
+    Scene,
+    SceneWriter,
+    cast_rays,
+    count_intersections,
+    framing_camera,
+    list_intersections,
+    occluded,
+    plan,
+    render,
+)
+from bfrt.scene import open_scene as open
+from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.model import Camera, Light, Material
+
+__all__ = [
+    "Answer",
+    "BfrtError",
+    "BudgetError",
+    "Camera",
+    "Cancelled",
+    "DiskFullError",
+    "Hierarchy",
+    "Image",
+    "Light",
+    "Material",
+    "Plan",
+    "Progress",
+    "Scene",
+    "SceneError",
+    "SceneWriter",
+    "SettingError",
+    "ShortReadError",
+    "StoreError",
+    "StreamError",
+    "cast_rays",
+    "convert",
+    "count_intersections",
+    "framing_camera",
+    "list_intersections",
+    "occluded",
+    "open",
+    "plan",
+    "render",
+    "spd",
+]

@@ -1,0 +1,64 @@
+"""``import bfrt`` imports what it offers when that is first used, and all of it is there."""
+
+import subprocess
+import sys
+import tempfile
+
+import pytest
+
+import bfrt
+from bfrt import api
+
+
+def fresh(code):
+    """Run code in a process of its own, away from the source tree; return what it prints."""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tempfile.gettempdir())
+    assert done.stderr == ""
+    return done.stdout.strip()
+
+
+def test_all_is_offered():
+    assert bfrt.__all__ == api.__all__
+    for name in bfrt.__all__:
+        assert getattr(bfrt, name) is getattr(api, name)
+    assert set(bfrt.__all__) < set(dir(bfrt))
+
+
+@pytest.mark.parametrize("name", ["nothing", "__nothing__"])
+def test_nothing_else_is(name):
+    with pytest.raises(AttributeError, match=f"module 'bfrt' has no attribute '{name}'"):
+        getattr(bfrt, name)
+
+
+def test_the_first_use_imports():
+    asked = "print('numpy' in sys.modules)"
+    assert fresh(f"import bfrt, sys; {asked}; bfrt.render; {asked}") == "False\nTrue"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from bfrt import *; print(render.__name__)",
+        "from bfrt import render; print(render.__name__)",
+        "from bfrt import spd; import bfrt; print(bfrt.render.__name__)",
+        "import bfrt.scene; print(bfrt.render.__name__)",
+        "import bfrt; print(bfrt.scene.render.__name__)",
+        "import bfrt; 'render' in dir(bfrt) and print('render')",
+    ],
+)
+def test_every_way_to_import_it(code):
+    assert fresh(code) == "render"
+
+
+def test_threads_may_use_it_first_at_the_same_time():
+    code = """
+import threading, bfrt
+names = ["render", "convert", "open", "Scene", "spd", "cast_rays"]
+found = []
+threads = [threading.Thread(target=lambda n=n: found.append(getattr(bfrt, n))) for n in names]
+[thread.start() for thread in threads]
+[thread.join() for thread in threads]
+print(len(found))
+"""
+    assert fresh(code) == "6"

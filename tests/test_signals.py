@@ -1,0 +1,305 @@
+"""An interrupt ends the command whenever it comes: in one sentence, with status 130."""
+
+import io
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bfrt import process
+from bfrt.process import Interrupts
+
+PROJECT = Path(__file__).parent.parent / "pyproject.toml"
+
+#: Interrupts the command when it looks for a module, as a part of Python's own start.
+WHEN_IMPORTED = """
+import os, signal, sys
+
+class Finder:
+    def find_spec(self, name, path, target=None):
+        if name == {name!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+"""
+
+#: Interrupts it where a module that Cython made has a bare ``except``.
+WHEN_REGISTERED = """
+import abc, os, signal
+
+register = abc.ABCMeta.register
+
+def interrupted(cls, made):
+    if made.__name__ == "_memoryviewslice":
+        os.kill(os.getpid(), signal.SIGINT)
+    return register(cls, made)
+
+abc.ABCMeta.register = interrupted
+"""
+
+#: Interrupts it when it has ended, and Python ends.
+AT_EXIT = """
+import atexit, os, signal
+
+atexit.register(os.kill, os.getpid(), signal.SIGINT)
+"""
+
+#: What takes long: nothing else is wrong with it.
+LONG = ("spd", "rings", "60", "--nff", "o.nff")
+
+
+MODULE = ("-m", "bfrt")
+
+#: What the script does that is installed.
+SCRIPT = re.search(r'^bfrt = "(\S+):(\S+)"$', PROJECT.read_text(), re.MULTILINE).expand(
+    r"import sys; from \1 import \2; sys.exit(\2())"
+)
+
+
+def started(folder, *arguments, at_start="", how=MODULE):
+    """Start the command in a folder, with code that Python runs at its own start."""
+    (folder / "start").mkdir()
+    (folder / "start" / "sitecustomize.py").write_text(at_start)
+    (folder / "work").mkdir()
+    paths = [str(folder / "start"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return subprocess.Popen(
+        [sys.executable, *how, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=folder / "work",
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        # Where the tests run in a shell's background interrupts are ignored, by children too.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+def ended(process):
+    _, said = process.communicate(timeout=60)
+    return process.returncode, said
+
+
+NAMES = ["bfrt.process", "bfrt.cli", "numpy", "numpy.linalg", "bfrt.streams.reader"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_interrupt_while_a_module_is_imported(tmp_path, name):
+    command = started(tmp_path, *LONG, at_start=WHEN_IMPORTED.format(name=name))
+    assert ended(command) == (130, "bfrt: interrupted\n")
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_an_interrupt_of_the_script(tmp_path):
+    at_start = WHEN_IMPORTED.format(name="numpy")
+    command = started(tmp_path, *LONG, at_start=at_start, how=("-c", SCRIPT))
+    assert ended(command) == (130, "bfrt: interrupted\n")
+
+
+def test_an_interrupt_that_cython_would_swallow(tmp_path):
+    command = started(tmp_path, *LONG, at_start=WHEN_REGISTERED)
+    assert ended(command) == (130, "bfrt: interrupted\n")
+
+
+def test_an_interrupt_while_an_optional_package_is_imported(tmp_path):
+    """The command has begun, and imports what reads a kind of file."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["points"] = np.zeros((1_000_000, 3))
+    command = started(
+        tmp_path,
+        *("convert", str(tmp_path / "a.h5"), "-o", "a.bfrt", "--radius", "1"),
+        at_start=WHEN_IMPORTED.format(name="h5py._conv"),
+    )
+    assert ended(command) == (130, "bfrt: interrupted\n")
+
+
+def test_an_interrupt_when_all_is_done_is_too_late(tmp_path):
+    command = started(tmp_path, "spd", "tetra", "1", "--nff", "o.nff", at_start=AT_EXIT)
+    assert ended(command) == (0, "")
+
+
+def test_interrupts_upon_interrupts_leave_no_traceback(tmp_path):
+    command = started(tmp_path, *LONG)
+    deadline = time.monotonic() + 30
+    while not list((tmp_path / "work").iterdir()):  # it has begun
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    while command.poll() is None:
+        command.send_signal(signal.SIGINT)
+        time.sleep(0.005)
+    assert ended(command) == (130, "bfrt: interrupted\n")
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_an_interrupt_that_shall_be_ignored_is(tmp_path):
+    """As of a command in a shell's background."""
+    at_start = WHEN_IMPORTED.format(name="numpy")
+    ignored = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    command = started(tmp_path, "spd", "tetra", "1", "--nff", "o.nff", at_start=ignored + at_start)
+    assert ended(command) == (0, "")
+
+
+@pytest.fixture
+def interrupts():
+    """Interrupts of this process, which go to the command's handler."""
+    kept = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGALRM)]
+    hook = sys.unraisablehook
+    made = Interrupts()
+    made.begun = True
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    made.listen()
+    yield made
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    for number, handler in kept:
+        signal.signal(number, handler)
+    sys.unraisablehook = hook
+
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_an_interrupt_is_raised_at_once(interrupts):
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+
+
+def test_another_at_once_does_not_disturb_the_clearing_up(interrupts, monkeypatch):
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+    interrupt()
+    monkeypatch.setattr(process, "IMPATIENCE", 0)
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+
+
+class Finalised:
+    def __del__(self):
+        interrupt()
+
+
+def test_an_interrupt_of_a_finaliser_comes_again(interrupts, capsys):
+    made = Finalised()
+    with pytest.raises(KeyboardInterrupt):
+        del made
+        time.sleep(10)
+    assert capsys.readouterr().err == ""
+
+
+def test_other_errors_of_a_finaliser_are_shown(interrupts, monkeypatch):
+    shown = []
+    monkeypatch.setattr(sys, "__unraisablehook__", shown.append)
+
+    class Broken:
+        def __del__(self):
+            raise ValueError
+
+    Broken()
+    assert [error.exc_type for error in shown] == [ValueError]
+
+
+class Context:
+    left = False
+
+    def __enter__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def __exit__(self, *_):
+        self.left = True
+
+
+def test_an_interrupt_of_a_context_s_begin_comes_when_it_is_sure_to_end(interrupts):
+    context = Context()
+    with pytest.raises(KeyboardInterrupt), context:
+        time.sleep(10)
+    assert context.left
+
+
+def test_an_interrupt_of_an_import_comes_when_it_has_ended(interrupts, tmp_path, monkeypatch):
+    (tmp_path / "swallowing.py").write_text(
+        "import os, signal\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\nexcept:\n    pass\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        import swallowing  # noqa: F401
+
+        time.sleep(10)
+
+
+def shell(folder, line):
+    """Run a line in which bfrt stands for the command, away from the source tree."""
+    command = f'bfrt() {{ "{sys.executable}" -m bfrt "$@"; }}\n{line}\n'
+    done = subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, check=False, cwd=folder
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("asked", ["--help", "--version", "render --help", "spd tetra 1 --nff -"])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_nowhere_to_print_to(tmp_path, monkeypatch, asked, unbuffered):
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
+    for to, reason in [("/dev/full", "No space left on device"), ("&-", "Bad file descriptor")]:
+        status, out, err = shell(tmp_path, f"bfrt {asked} >{to}")
+        assert (status, out) == (1, "")
+        assert err.startswith("bfrt: ") and err.endswith(f"{reason}\n") and err.count("\n") == 1
+    assert shell(tmp_path, f"bfrt {asked} | true; exit ${{PIPESTATUS[0]}}")[0] in (0, 141)
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-m", "bfrt", *asked.split()]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, check=False, cwd=tmp_path)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "said"),
+    [
+        ("bfrt spd tetra 1 --quiet -o a.bfrt >&- 2>&- <&-", 0, ""),
+        ("bfrt spd tetra 1 -o a.bfrt 2>/dev/full", 0, ""),
+        ("bfrt convert - -o a.bfrt <&-", 1, "<stdin>: reading at byte 0: Bad file descriptor"),
+        ("bfrt info nothing 2>&-", 1, ""),
+        ("bfrt info nothing 2>/dev/full", 1, ""),
+        ("bfrt info 2>&-", 2, ""),
+        ("bfrt info 2>/dev/full", 2, ""),
+        ("bfrt spd tetra 1 2>&-", 2, ""),
+    ],
+)
+def test_standard_streams_that_are_closed_or_full(tmp_path, line, status, said):
+    assert shell(tmp_path, line) == (status, "", f"bfrt: {said}\n" if said else "")
+
+
+def test_what_is_said_does_not_land_in_a_file_of_the_same_number(tmp_path):
+    """A degenerate object is warned of while files are open."""
+    (tmp_path / "a.nff").write_text("s 0 0 0 1\np 3\n0 0 0\n1 1 1\n2 2 2\n")
+    for name, closed in [("a", ">&- 2>&-"), ("b", "--quiet")]:
+        assert shell(tmp_path, f"bfrt convert a.nff -o {name}.bfrt {closed}")[0] == 0
+    a, b = (
+        {
+            path.name: path.read_bytes()
+            for path in (tmp_path / name).rglob("*")
+            if path.is_file() and path.name != "made.json"
+        }
+        for name in ("a.bfrt", "b.bfrt")
+    )
+    assert a == b != {}
+
+
+def test_no_standard_streams_in_the_same_process(tmp_path, monkeypatch):
+    from bfrt.cli import main
+
+    for name in ("stdin", "stdout", "stderr"):
+        monkeypatch.setattr(sys, name, None)
+    assert main(["convert", "-", "-o", str(tmp_path / "a.bfrt")]) == 1
+    assert main(["spd", "tetra", "1", "--nff", "-"]) == 1
+    assert main(["spd", "tetra", "1", "-o", str(tmp_path / "a.bfrt")]) == 0
+    assert main(["info", str(tmp_path / "a.bfrt")]) == 0
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    assert main(["info", str(tmp_path / "nothing")]) == 1
+    assert sys.stdout.getvalue() == ""
