@@ -4,10 +4,11 @@ from libc.stdint cimport uint8_t, uint32_t
 
 import numpy as np
 
-from bfrt.geometry.box cimport Box, Span, box_span
+from bfrt.geometry.box cimport Box, Span, box_add, box_clear, box_span
 from bfrt.geometry.vector cimport Line, line, vec
-from bfrt.treelets.node cimport WIDE, Node, Slope, node_boxes, node_spanner, quantum_of, slope_of
+from bfrt.tree.sight cimport Heading, Sight, heading_of, sight_of, sight_reach, spans_of
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, Top, next_treelets
+from bfrt.treelets.node cimport WIDE, Node, node_boxes, quantum_of
 
 
 cdef Line ray_of(origin, direction):
@@ -37,13 +38,19 @@ def node_sides(const uint8_t[::1] memory):
     return np.asarray(sides)
 
 
-def node_met(const uint8_t[::1] memory, origin, direction, double grow, float reach, bint plain):
-    """Return which children a ray enters by `reach`, as bits, and when at the latest, (8,)."""
-    cdef Line l = ray_of(origin, direction)
-    cdef Slope slope = slope_of(&l, grow)
-    cdef float[::1] near = np.empty(8, np.float32)
-    cdef unsigned int met = node_spanner(plain)(<const Node*>&memory[0], &slope, reach, &near[0])
-    return met, np.asarray(near)
+def node_met(const uint8_t[::1] memory, const float[::1] around, ray, double grow, double reach,
+             bint plain):
+    """Return which children a ray, (origin, direction), enters by `reach`, as bits, and when at the
+    latest, (8,); the node is of a treelet with this box around it, (6,)."""
+    cdef const Box* box = <const Box*>&around[0]
+    cdef Line l = ray_of(ray[0], ray[1])
+    cdef Heading heading = heading_of(&l, grow)
+    cdef Sight sight = sight_of(&heading, box)
+    cdef float near[8]
+    cdef unsigned int met = spans_of(plain)(
+        <const Node*>&memory[0], &sight, sight_reach(&sight, reach), near
+    )
+    return met, sight.start + np.asarray(<float[:8]>near).astype(float) / sight.unit
 
 
 def box_met(const float[::1] box, origin, direction, double grow):
@@ -60,15 +67,17 @@ def treelets_met(const uint8_t[::1] nodes, const uint32_t[::1] leaves, const flo
     """Return the next treelets that a ray, (origin, direction), enters, from (t, treelet) `first`
     on: [(t, treelet), ...]."""
     cdef Line l = ray_of(ray[0], ray[1])
-    cdef Slope slope = slope_of(&l, 0.0)
     cdef Entry found[MOST_CANDIDATES]
     cdef Look look
     cdef Top top
-    cdef int i, n
-    top.nodes, top.leaves = <const Node*>&nodes[0], &leaves[0]
+    cdef int i, k
     top.boxes, top.stride = <const unsigned char*>&boxes[0, 0], sizeof(Box)
-    top.count, top.padding, top.spans = boxes.shape[0], 0.0, node_spanner(plain)
+    top.count, top.padding, top.spans = boxes.shape[0], 0.0, spans_of(plain)
+    box_clear(&top.around)
+    for i in range(boxes.shape[0]):
+        box_add(&top.around, <const Box*>&boxes[i, 0])
+    top.nodes, top.leaves = <const Node*>&nodes[0], &leaves[0]
     look.first.t, look.first.treelet = first
     look.reach, look.most, look.node_tests = reach, most, 0
-    n = next_treelets(&top, &l, &slope, &look, found)
-    return [(found[i].t, found[i].treelet) for i in range(n)]
+    k = next_treelets(&top, &l, &look, found)
+    return [(found[i].t, found[i].treelet) for i in range(k)]

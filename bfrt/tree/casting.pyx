@@ -8,9 +8,85 @@ from bfrt.geometry.shape cimport Shape, Surface, shape_load, shape_surface
 from bfrt.geometry.vector cimport Line, line, vec
 from bfrt.records cimport INDEX_BITS, NO_HIT, QueryRay
 from bfrt.scan.given_order cimport GivenOrder
-from bfrt.tree.descent cimport descend
-from bfrt.tree.forest cimport Forest, TreeStream
-from bfrt.tree.walk cimport Search, aim, set_reach
+from bfrt.tree.descent cimport (
+    ABREAST, Descent, Source, TakeRay, count_tests, descend_all,
+)
+from bfrt.tree.forest cimport Forest, TreeStream, stream_numbered
+from bfrt.tree.walk cimport Search, aim
+
+
+# Rays of a question, and the rows of the answer that they fill: of hits, or whether there are any.
+cdef struct Casting:
+    void* forest    # a Forest
+    const QueryRay* rays
+    int64_t count
+    int64_t next
+    uint8_t* hit
+    double* t
+    int32_t* geometry
+    int64_t* primitive
+    float* normal
+    float* uv
+
+
+cdef bint next_query(void* source, Descent* d) noexcept nogil:
+    """Set up the next ray's search."""
+    cdef Casting* c = <Casting*>source
+    cdef Search* s = &d.search
+    cdef const QueryRay* q
+    cdef Line l
+    if c.next == c.count:
+        return False
+    q = c.rays + c.next
+    d.row = c.next
+    c.next += 1
+    l = line(vec(q.ox, q.oy, q.oz), vec(q.dx, q.dy, q.dz))
+    aim(s, &l, (<Forest>c.forest).padding)
+    s.id, s.kind, s.t = NO_HIT, <uint8_t>q.kind, q.t
+    return True
+
+
+cdef void take_hit(void* source, const Descent* d) noexcept nogil:
+    (<Casting*>source).hit[d.row] = d.search.id != NO_HIT
+
+
+cdef void take_row(void* source, const Descent* d) noexcept nogil:
+    """Fill a row of an answer."""
+    cdef Casting* c = <Casting*>source
+    cdef const Search* s = &d.search
+    cdef const QueryRay* q = c.rays + d.row
+    cdef float* normal = c.normal + 3 * d.row
+    cdef float* uv = c.uv + 2 * d.row
+    cdef Surface found
+    if s.id == NO_HIT:
+        c.t[d.row], c.geometry[d.row], c.primitive[d.row] = INFINITY, -1, -1
+        normal[0] = normal[1] = normal[2] = uv[0] = uv[1] = 0.0
+        return
+    c.t[d.row] = ldexp(s.t + q.moved, -q.power)
+    c.geometry[d.row] = <int32_t>(s.id >> INDEX_BITS)
+    c.primitive[d.row] = surface_at(<Forest>c.forest, s, &found)
+    normal[0], normal[1] = <float>found.geometric.x, <float>found.geometric.y
+    normal[2] = <float>found.geometric.z
+    uv[0], uv[1] = <float>found.uv.u, <float>found.uv.v
+
+
+cdef int64_t surface_at(Forest f, const Search* s, Surface* found) noexcept nogil:
+    """Find the surface at a search's hit; return the place that the object was given at."""
+    cdef const TreeStream* stream = stream_numbered(f, s.id >> INDEX_BITS)
+    cdef uint64_t record = s.id & ((<uint64_t>1 << INDEX_BITS) - 1)
+    cdef uint64_t place = record
+    cdef uint32_t count = 0
+    cdef Shape shape
+    if stream.counted:
+        record = stream.ends[place - 1] if place else 0
+        count = <uint32_t>(stream.ends[place] - record)
+    shape_load(
+        stream.kind, stream.records + record * stream.stride, count, &stream.frame, &shape
+    )
+    shape_surface(&shape, &s.line, s.t, found)
+    if stream.id_bytes == 4:
+        return (<const uint32_t*>stream.ids)[place]
+    return (<const int64_t*>stream.ids)[place]
 
 
 @cython.final
@@ -26,34 +102,24 @@ cdef class TreeCaster:
 
     cdef Forest forest
     cdef GivenOrder order
-    cdef Search search
+    cdef Descent abreast[ABREAST]
+    cdef Casting casting
 
     def __cinit__(self, Forest forest not None, GivenOrder order not None):
+        cdef Search* s
+        cdef int k
         self.forest, self.order = forest, order
-        self.search.order = <void*>order
-        self.search.spans = forest.top.spans
-        self.search.crossings = NULL
-
-    cdef int find(self, const QueryRay* q) except -1 nogil:
-        """Find the nearest hit of a ray, or any."""
-        cdef Search* s = &self.search
-        cdef Line l
-        s.id = NO_HIT
-        if q.t < 0.0:  # it is bad
-            return 0
-        l = line(vec(q.ox, q.oy, q.oz), vec(q.dx, q.dy, q.dz))
-        aim(s, &l, self.forest.padding)
-        s.kind = <uint8_t>q.kind
-        set_reach(s, q.t)
-        return descend(self.forest, s)
+        self.casting.forest = <void*>forest
+        for k in range(ABREAST):
+            s = &self.abreast[k].search
+            s.order, s.spans, s.crossings = <void*>order, forest.top.spans, NULL
+            s.node_tests = s.object_tests = 0
 
     def occluded(self, const QueryRay[::1] rays, uint8_t[::1] hit):
         """Tell of rays, (n,) of records.QUERY_RAY, whether they hit anything: (n,) of 0 and 1."""
-        cdef int64_t i
-        with nogil:
-            for i in range(rays.shape[0]):
-                self.find(&rays[i])
-                hit[i] = self.search.id != NO_HIT
+        if rays.shape[0]:
+            self.casting.hit = &hit[0]
+            self.go(rays, take_hit)
 
     def nearest(self, const QueryRay[::1] rays, dict columns):
         """Find the nearest hits of rays.
@@ -70,55 +136,21 @@ cdef class TreeCaster:
         cdef int64_t[::1] primitive = columns["primitive_ids"]
         cdef float[:, ::1] normals = columns["primitive_normals"]
         cdef float[:, ::1] uvs = columns["primitive_uvs"]
-        cdef Search* s = &self.search
-        cdef const QueryRay* q
-        cdef Surface found
-        cdef int64_t i, k
+        if rays.shape[0]:
+            self.casting.t, self.casting.geometry = &t[0], &geometry[0]
+            self.casting.primitive = &primitive[0]
+            self.casting.normal, self.casting.uv = &normals[0, 0], &uvs[0, 0]
+            self.go(rays, take_row)
+
+    cdef int go(self, const QueryRay[::1] rays, TakeRay take) except -1:
+        """Take rays down, each to its row."""
+        cdef Source source
+        self.casting.rays, self.casting.count, self.casting.next = &rays[0], rays.shape[0], 0
+        source.source, source.next, source.take = &self.casting, next_query, take
         with nogil:
-            for i in range(rays.shape[0]):
-                q = &rays[i]
-                self.find(q)
-                if s.id == NO_HIT:
-                    t[i], geometry[i], primitive[i] = INFINITY, -1, -1
-                    for k in range(3):
-                        normals[i, k] = 0.0
-                    uvs[i, 0] = uvs[i, 1] = 0.0
-                    continue
-                t[i] = ldexp(s.t + q.moved, -q.power)
-                geometry[i] = <int32_t>(s.id >> INDEX_BITS)
-                primitive[i] = self.surface(&found)
-                normals[i, 0], normals[i, 1] = <float>found.geometric.x, <float>found.geometric.y
-                normals[i, 2] = <float>found.geometric.z
-                uvs[i, 0], uvs[i, 1] = <float>found.uv.u, <float>found.uv.v
-
-    cdef int64_t surface(self, Surface* found) noexcept nogil:
-        """Find the surface at the search's hit; return the place that the object was given at."""
-        cdef Search* s = &self.search
-        cdef const TreeStream* stream = self.stream_of(s.id >> INDEX_BITS)
-        cdef uint64_t place = s.id & ((<uint64_t>1 << INDEX_BITS) - 1)
-        cdef uint64_t record = place
-        cdef uint32_t count = 0
-        cdef Shape shape
-        if stream.counted:
-            record = stream.ends[place - 1] if place else 0
-            count = <uint32_t>(stream.ends[place] - record)
-        shape_load(
-            stream.kind, stream.records + record * stream.stride, count, &stream.frame, &shape
-        )
-        shape_surface(&shape, &s.line, s.t, found)
-        if stream.id_bytes == 4:
-            return (<const uint32_t*>stream.ids)[place]
-        return (<const int64_t*>stream.ids)[place]
-
-    cdef const TreeStream* stream_of(self, uint64_t number) noexcept nogil:
-        """Return a stream by its number."""
-        cdef const TreeStream* s = self.forest.streams
-        while s.number != number:
-            s += 1
-        return s
+            descend_all(self.forest, self.abreast, &source)
+        return 0
 
     def tests(self):
         """Return the nodes and the objects tested since the last call."""
-        cdef int64_t nodes = self.search.node_tests, objects = self.search.object_tests
-        self.search.node_tests = self.search.object_tests = 0
-        return nodes, objects
+        return count_tests(self.abreast)

@@ -1,73 +1,200 @@
-"""Walks of one ray down a resident forest: treelets by entry, each to its end, nearest first."""
+"""Walks down a resident forest: treelets by entry, each to its end, nearest first.
 
-from libc.stdint cimport uint32_t
+::
 
-from bfrt.bits cimport lowest_bit, ones
-from bfrt.tree.forest cimport Forest, want
+    ABOVE ──► ENTER ──► BELOW ◄──► LEAVES        what a ray looks at next, of which memory is told
+      ▲                   │          │           a step ahead: it comes while other rays take theirs
+      └───────────────────┴──────────┘
+
+Several rays go down in turn, a step each, for most steps wait for memory.
+"""
+
+from libc.stdint cimport int64_t, uint32_t
+
+from bfrt.bits cimport lowest_bit, ones_of_eight
+from bfrt.tree.forest cimport Forest, prefetch_id, treelet_at, want
+from bfrt.tree.sight cimport Sight, prefetch_node, sight_of, sight_reach
 from bfrt.tree.top cimport Top
-from bfrt.tree.walk cimport WAITING, Piece, Search, walk_treelet
+from bfrt.tree.walk cimport (
+    Piece, Search, Waiting, meet_leaves, next_waiting, prefetch_leaves, wait_among, wait_inner,
+)
 from bfrt.treelets.node cimport INNER, Node
 
 cdef enum:
-    TREELET = 0x80000000  # what waits is a treelet, not a node
+    TREELET = 0x80000000    # what waits is a treelet, not a node
+    ABREAST = 4              # rays that go down in turn
 
-# Nodes of the tree above and treelets that wait, the nearest on top.
-cdef struct Waiting:
-    uint32_t what[WAITING]
-    float entry[WAITING]
-    int n
+cdef enum:
+    ABOVE = 0       # a node of the tree above
+    ENTER = 1       # a treelet
+    BELOW = 2       # a node of it
+    LEAVES = 3      # those of the node's children that are leaves, and met
+    ARRIVED = 4
+
+# A ray on its way down.
+cdef struct Descent:
+    Search search
+    int64_t row     # which ray, for whoever takes what it finds
+    int stage
+    uint32_t what   # node or treelet
+    unsigned int leaves
+    Sight above
+    Sight below
+    float reach     # as seen below
+    Waiting waiting_above
+    Waiting waiting
+    Piece piece
+
+# Sets up the next ray; false where there are no more. Takes what a ray has found.
+ctypedef bint (*NextRay)(void* source, Descent* d) noexcept nogil
+ctypedef void (*TakeRay)(void* source, const Descent* d) noexcept nogil
+
+# Where rays come from, and go to.
+cdef struct Source:
+    void* source
+    NextRay next
+    TakeRay take
 
 
-cdef inline void keep_waiting(Waiting* w, int base, float entry, uint32_t what) noexcept nogil:
-    """Add what waits, in its place among those added since there were `base`."""
-    cdef int k = w.n
-    while k > base and w.entry[k - 1] < entry:
-        w.entry[k], w.what[k] = w.entry[k - 1], w.what[k - 1]
-        k -= 1
-    w.entry[k], w.what[k] = entry, what
-    w.n += 1
+cdef inline void set_out(Forest f, Descent* d) noexcept nogil:
+    """Begin the way down of a search that is set up."""
+    d.waiting_above.n = 0
+    d.what = 0
+    d.stage = ABOVE if f.top.count else ARRIVED
+    d.above = sight_of(&d.search.heading, &f.top.around)
 
 
-cdef inline void keep_children(const Top* top, const Node* node, unsigned int met,
+cdef inline void wait_children(const Top* top, const Node* node, unsigned int met,
                                const float* near, Waiting* w) noexcept nogil:
     """Add the children of a node of the tree above: each leaf is one treelet."""
     cdef int base = w.n, c
-    cdef unsigned int below, leaf
+    cdef unsigned int below
+    cdef uint32_t child
     while met:
         c = lowest_bit(met)
         met &= met - 1
         below = (1 << c) - 1
         if node.count[c] == INNER:
-            keep_waiting(w, base, near[c], node.child + <uint32_t>ones(node.inner & below))
+            child = node.child + <uint32_t>ones_of_eight(node.inner & below)
+            prefetch_node(top.nodes + child)
+            wait_among(w, base, near[c], child)
         else:
-            leaf = node.first + <uint32_t>(c - ones(node.inner & below))
-            keep_waiting(w, base, near[c], TREELET | top.leaves[leaf])
+            child = node.first + <uint32_t>(c - ones_of_eight(node.inner & below))
+            wait_among(w, base, near[c], TREELET | top.leaves[child])
 
 
-cdef inline int descend(Forest f, Search* s) except -1 nogil:
-    """Test a ray against all objects that it may meet, of a resident forest."""
-    cdef const Top* top = &f.top
-    cdef const Node* node = top.nodes
+cdef inline void go_on_above(Forest f, Descent* d) noexcept nogil:
+    """Come to the nearest that waits of the tree above."""
+    cdef float reach = sight_reach(&d.above, d.search.t)
+    if not next_waiting(&d.waiting_above, reach, &d.what):
+        d.stage = ARRIVED
+        prefetch_id(f, d.search.id)
+    elif d.what & TREELET:
+        d.what ^= TREELET
+        prefetch_node(<const Node*>treelet_at(f, d.what))
+        d.stage = ENTER
+    else:
+        d.stage = ABOVE
+
+
+cdef inline void go_on(Forest f, Descent* d) noexcept nogil:
+    """Come to the nearest node that waits, or else of the tree above."""
+    if next_waiting(&d.waiting, d.reach, &d.what):
+        d.stage = BELOW
+    else:
+        go_on_above(f, d)
+
+
+cdef inline int enter(Forest f, Descent* d) except -1 nogil:
+    """Come into a treelet."""
+    want(f, d.what)
+    f.resident_piece(d.what, &d.piece)
+    prefetch_node(d.piece.nodes)
+    d.below = sight_of(&d.search.heading, d.piece.box)
+    d.reach = sight_reach(&d.below, d.search.t)
+    d.waiting.n = 0
+    d.what = 0
+    d.stage = BELOW
+    return 0
+
+
+cdef inline void look_above(Forest f, Descent* d) noexcept nogil:
+    """Look at a node of the tree above."""
+    cdef const Node* node = f.top.nodes + d.what
     cdef float near[8]
-    cdef Waiting w
-    cdef Piece p
-    cdef uint32_t what
-    w.n = 0
-    if top.count == 0:
-        return 0
-    while True:
-        s.node_tests += 1
-        keep_children(top, node, s.spans(node, &s.slope, s.reach, near), near, &w)
-        while True:
-            while w.n > 0 and w.entry[w.n - 1] > s.reach:
-                w.n -= 1
-            if w.n == 0:
-                return 0
-            w.n -= 1
-            what = w.what[w.n]
-            if not what & TREELET:
-                break
-            want(f, what ^ TREELET)
-            f.resident_piece(what ^ TREELET, &p)
-            walk_treelet(&p, s)
-        node = top.nodes + what
+    cdef unsigned int met = d.search.spans(
+        node, &d.above, sight_reach(&d.above, d.search.t), near
+    )
+    d.search.node_tests += 1
+    wait_children(&f.top, node, met, near, &d.waiting_above)
+    go_on_above(f, d)
+
+
+cdef inline void look_below(Forest f, Descent* d) noexcept nogil:
+    """Look at a node of a treelet."""
+    cdef const Node* node = d.piece.nodes + d.what
+    cdef float near[8]
+    cdef unsigned int met = d.search.spans(node, &d.below, d.reach, near)
+    d.search.node_tests += 1
+    wait_inner(d.piece.nodes, d.what, met, near, &d.waiting)
+    d.leaves = met & ~<unsigned int>node.inner
+    if d.leaves:
+        prefetch_leaves(&d.piece, node, d.leaves)
+        d.stage = LEAVES
+    else:
+        go_on(f, d)
+
+
+cdef inline int step(Forest f, Descent* d) except -1 nogil:
+    """Take a step down, to where memory has to come from afar."""
+    if d.stage == BELOW:
+        look_below(f, d)
+    elif d.stage == LEAVES:
+        meet_leaves(&d.piece, d.piece.nodes + d.what, d.leaves, &d.search)
+        d.reach = sight_reach(&d.below, d.search.t)
+        go_on(f, d)
+    while d.stage == ABOVE:
+        look_above(f, d)
+    if d.stage == ENTER:
+        enter(f, d)
+    return 0
+
+
+cdef inline void swap(Descent* one, Descent* other) noexcept nogil:
+    cdef Descent held = one[0]
+    one[0] = other[0]
+    other[0] = held
+
+
+cdef inline int descend_all(Forest f, Descent* abreast, const Source* source) except -1 nogil:
+    """Test rays against all objects that they may meet, of a resident forest."""
+    cdef int n = 0, k
+    while n < ABREAST and source.next(source.source, &abreast[n]):
+        set_out(f, &abreast[n])
+        n += 1
+    while n:
+        k = 0
+        while k < n:
+            if abreast[k].stage != ARRIVED:
+                step(f, &abreast[k])
+                k += 1
+                continue
+            source.take(source.source, &abreast[k])
+            if source.next(source.source, &abreast[k]):
+                set_out(f, &abreast[k])
+                k += 1
+            else:
+                n -= 1
+                swap(&abreast[k], &abreast[n])
+    return 0
+
+
+cdef inline object count_tests(Descent* abreast):
+    """Return the nodes and the objects tested since the last call."""
+    cdef int64_t nodes = 0, objects = 0
+    cdef int k
+    for k in range(ABREAST):
+        nodes += abreast[k].search.node_tests
+        objects += abreast[k].search.object_tests
+        abreast[k].search.node_tests = abreast[k].search.object_tests = 0
+    return nodes, objects

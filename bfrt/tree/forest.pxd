@@ -3,10 +3,13 @@
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 
 from bfrt.geometry.coordinates cimport Frame
-from bfrt.records cimport Treelet
+from bfrt.geometry.four cimport FourTest
+from bfrt.phases.pending cimport prefetch
+from bfrt.records cimport INDEX_BITS, NO_HIT, Treelet
 from bfrt.streams.atomic cimport published
 from bfrt.tree.top cimport Top
 from bfrt.tree.walk cimport Piece
+from bfrt.treelets.node cimport Node
 
 # A stream as its treelets need it; where treelets are read one after another, there are files only.
 cdef struct TreeStream:
@@ -16,7 +19,8 @@ cdef struct TreeStream:
     Frame frame
     uint64_t number
     int id_bytes
-    unsigned char* nodes
+    FourTest four
+    Node* nodes
     unsigned char* records
     uint32_t* ends          # NULL where each object has one record
     unsigned char* ids
@@ -30,6 +34,7 @@ cdef class Forest:
     cdef readonly int64_t treelets
     cdef readonly double padding
     cdef readonly bint resident
+    cdef readonly bint plain
     cdef Top top
     cdef const Treelet* treelet
     cdef const uint16_t[::1] stream_of  # of each treelet, by its place in `streams`
@@ -41,10 +46,10 @@ cdef class Forest:
     cdef list files
 
     cdef object keep(self, array)
-    cdef int open_stream(self, int place, stream, store) except -1
-    cdef int grow_top(self, table, bint plain) except -1
+    cdef int open_stream(self, TreeStream* s, stream, store) except -1
+    cdef int grow_top(self, table) except -1
     cdef void* opened(self, stream, name) except NULL
-    cdef unsigned char* memory_of(self, stream, name) except NULL
+    cdef unsigned char* memory_of(self, int64_t n) except NULL
     cdef int load(self, uint32_t first, uint32_t end) except -1 nogil
     cdef int fetch(self, uint32_t treelet) except -1 nogil
     cdef void resident_piece(self, uint32_t treelet, Piece* p) noexcept nogil
@@ -64,3 +69,19 @@ cdef inline int want(Forest f, uint32_t treelet) except -1 nogil:
     if not published(&f.there[treelet]):
         f.fetch(treelet)
     return 0
+
+
+cdef inline const TreeStream* stream_numbered(Forest f, uint64_t number) noexcept nogil:
+    """Return the stream of that number, which there is."""
+    cdef const TreeStream* s = f.streams
+    while s.number != number:
+        s += 1
+    return s
+
+
+cdef inline void prefetch_id(Forest f, uint64_t id) noexcept nogil:
+    """Have the place that an object was given at come from memory, if it is an object's id."""
+    cdef const TreeStream* s
+    if id != NO_HIT:
+        s = stream_numbered(f, id >> INDEX_BITS)
+        prefetch(s.ids + (id & ((<uint64_t>1 << INDEX_BITS) - 1)) * s.id_bytes)

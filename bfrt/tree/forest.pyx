@@ -7,24 +7,27 @@ from libc.string cimport memset
 
 import numpy as np
 
+from bfrt.geometry.box cimport Box, box_add, box_clear
 from bfrt.geometry.coordinates cimport frame_of
+from bfrt.geometry.four cimport four_test
 from bfrt.records cimport INDEX_BITS, NODE_BYTES, OFFSET_BYTES, TREELET_BYTES, Treelet
 from bfrt.streams.atomic cimport atomic_add, atomic_exchange, lock, publish, published, unlock
 from bfrt.streams.reader cimport SharedFile
 from bfrt.tree.reading cimport check_ends, check_nodes, read_at
+from bfrt.tree.sight cimport spans_of
 from bfrt.tree.walk cimport Piece
-from bfrt.treelets.node cimport Node, node_spanner
+from bfrt.treelets.node cimport Node
 
 from bfrt.errors import StoreError
 from bfrt.records import TREELET
 from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
-#: reference, its places in the order and among the leaves, a part of a node, its stream, its state,
-#: and where its rays begin.
-TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 32 + 2 + 2 + 8
+#: reference, its places in the order and among the leaves, a part of a node as it is made and as it
+#: stays, its stream, its state, and where its rays begin.
+TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 8
 
-#: The files that treelets consist of; `ends` are of objects with several records each.
+#: The files that treelets consist of.
 PARTS = "nodes", "geometry", "offsets", "ids"
 
 
@@ -80,7 +83,7 @@ cdef class Forest:
     """
 
     def __cinit__(self, store, double padding, bint resident, bint plain=False):
-        self.padding, self.resident = padding, resident
+        self.padding, self.resident, self.plain = padding, resident, plain
         self.kept, self.files = [], []
         streams = [stream for stream in store.streams if stream.treelets]
         self.streams = <TreeStream*>PyMem_RawMalloc((len(streams) + 1) * sizeof(TreeStream))
@@ -89,7 +92,7 @@ cdef class Forest:
         tables = [np.empty(0, TREELET)]
         numbers = [np.empty(0, np.uint16)]
         for place, stream in enumerate(streams):
-            self.open_stream(place, stream, store)
+            self.open_stream(&self.streams[place], stream, store)
             tables.append(table_of(stream))
             numbers.append(np.full(stream.treelets, place, np.uint16))
         table = self.keep(tables[1] if len(streams) == 1 else np.concatenate(tables))
@@ -97,7 +100,7 @@ cdef class Forest:
         self.stream_of = np.concatenate(numbers)
         self.there = np.zeros(self.treelets if resident else 0, np.uint8)
         self.locks = np.zeros(self.treelets if resident else 0, np.uint8)
-        self.grow_top(table, plain)
+        self.grow_top(table)
 
     def __dealloc__(self):
         PyMem_RawFree(self.streams)
@@ -107,22 +110,23 @@ cdef class Forest:
         self.kept.append(array)
         return array
 
-    cdef int open_stream(self, int place, stream, store) except -1:
-        """Open the files of a stream, and take memory for them."""
-        cdef TreeStream* s = &self.streams[place]
+    cdef int open_stream(self, TreeStream* s, stream, store) except -1:
+        """Open the files of a stream, and take memory for them, of which what is used is given."""
         memset(s, 0, sizeof(TreeStream))
         s.kind, s.counted, s.stride = stream.kind, stream.kind.counted, stream.stride
         s.frame = frame_of(stream.wide, store.origin)
+        s.four = four_test(s.kind, stream.wide, self.plain)
         s.number, s.id_bytes = stream.number, stream.id_bytes
         s.node_file, s.record_file = self.opened(stream, "nodes"), self.opened(stream, "geometry")
         s.id_file = self.opened(stream, "ids")
         if s.counted:
             s.end_file = self.opened(stream, "offsets")
         if self.resident:
-            s.nodes = self.memory_of(stream, "nodes")
-            s.records, s.ids = self.memory_of(stream, "geometry"), self.memory_of(stream, "ids")
+            s.nodes = <Node*>self.memory_of(stream.files["nodes"].bytes)
+            s.records = self.memory_of(stream.files["geometry"].bytes)
+            s.ids = self.memory_of(stream.files["ids"].bytes)
             if s.counted:
-                s.ends = <uint32_t*>self.memory_of(stream, "offsets")
+                s.ends = <uint32_t*>self.memory_of(stream.files["offsets"].bytes)
         return 0
 
     cdef void* opened(self, stream, name) except NULL:
@@ -131,22 +135,26 @@ cdef class Forest:
         self.files.append(file)
         return <void*>file
 
-    cdef unsigned char* memory_of(self, stream, name) except NULL:
-        """Take memory for a file, of which the system gives what is used."""
-        cdef uint8_t[::1] bytes = self.keep(np.empty(stream.files[name].bytes, np.uint8))
-        return &bytes[0]
+    cdef unsigned char* memory_of(self, int64_t n) except NULL:
+        """Take n bytes of memory."""
+        cdef uint8_t[::1] memory = self.keep(np.empty(n, np.uint8))
+        return &memory[0]
 
-    cdef int grow_top(self, table, bint plain) except -1:
+    cdef int grow_top(self, table) except -1:
         """Build the tree above the treelets."""
         cdef const uint8_t[::1] raw
         cdef const uint32_t[::1] leaves
         cdef Top* top = &self.top
-        top.padding, top.spans, top.count = self.padding, node_spanner(plain), self.treelets
+        cdef int64_t k
+        top.padding, top.spans, top.count = self.padding, spans_of(self.plain), self.treelets
+        box_clear(&top.around)
         if not self.treelets:
             return 0
         raw = table.view(np.uint8)
         self.treelet = <const Treelet*>&raw[0]
         top.boxes, top.stride = &raw[0], sizeof(Treelet)
+        for k in range(self.treelets):
+            box_add(&top.around, <const Box*>(self.treelet + k))
         boxes = table.view(np.float32).reshape(self.treelets, -1)[:, :6]
         nodes, _, order = TreeletBuilder(self.treelets, 1).build(boxes)
         raw = self.keep(nodes.copy().view(np.uint8))
@@ -193,14 +201,14 @@ cdef class Forest:
         cdef int64_t nodes = <int64_t>(b.node + b.nodes - a.node)
         cdef int64_t begin = <int64_t>a.first, count = <int64_t>(b.first + b.count - a.first)
         cdef int64_t record = begin, records = count
+        cdef const Treelet* t
         cdef uint32_t k
-        read_at(<SharedFile>s.node_file, s.nodes + a.node * NODE_BYTES, nodes * NODE_BYTES,
-                a.node * NODE_BYTES)
+        read_at(
+            <SharedFile>s.node_file, s.nodes + a.node, nodes * NODE_BYTES, a.node * NODE_BYTES
+        )
         for k in range(first, end):
-            check_nodes(
-                <const Node*>(s.nodes + self.treelet[k].node * NODE_BYTES), self.treelet[k].nodes,
-                self.treelet[k].count, <SharedFile>s.node_file,
-            )
+            t = treelet_at(self, k)
+            check_nodes(s.nodes + t.node, t.nodes, t.count, <SharedFile>s.node_file)
         if s.counted:
             record = 0
             if begin:
@@ -236,7 +244,7 @@ cdef class Forest:
         cdef const Treelet* t = treelet_at(self, treelet)
         cdef const TreeStream* s = stream_at(self, treelet)
         p.kind, p.stride, p.frame = s.kind, s.stride, s.frame
-        p.nodes = <const Node*>(s.nodes + t.node * NODE_BYTES)
+        p.four, p.box, p.nodes = s.four, <const Box*>t, s.nodes + t.node
         p.first = s.number << INDEX_BITS | t.first
         p.ends, p.begin = NULL, 0
         p.records = s.records

@@ -4,6 +4,7 @@ cimport cython
 from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport uint32_t
 
+from bfrt.geometry.box cimport Box
 from bfrt.records cimport INDEX_BITS, NODE_BYTES, OFFSET_BYTES, Treelet
 from bfrt.streams.atomic cimport atomic_add
 from bfrt.streams.reader cimport SharedFile, prefetch_bytes
@@ -61,7 +62,7 @@ cdef class PieceReader:
         cdef Piece* p = &self.piece
         cdef size_t nodes = t.nodes * NODE_BYTES, records = t.count * s.stride
         atomic_add(&self.forest.treelets_read, 1)
-        p.kind, p.stride, p.frame = s.kind, s.stride, s.frame
+        p.kind, p.stride, p.frame, p.four = s.kind, s.stride, s.frame, s.four
         p.first = s.number << INDEX_BITS | t.first
         p.ends, p.begin = NULL, 0
         if s.counted:
@@ -71,7 +72,7 @@ cdef class PieceReader:
             read_at(<SharedFile>s.record_file, self.memory + nodes, records, t.first * s.stride)
             p.records = self.memory + nodes
         read_at(<SharedFile>s.node_file, self.memory, nodes, t.node * NODE_BYTES)
-        p.nodes = <const Node*>self.memory
+        p.box, p.nodes = <const Box*>t, <const Node*>self.memory
         check_nodes(p.nodes, t.nodes, t.count, <SharedFile>s.node_file)
         return p
 

@@ -13,11 +13,11 @@ from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
 from bfrt.scan.given_order cimport GivenOrder, comes_first
 from bfrt.streams.atomic cimport atomic_fetch_add, atomic_load, lock, unlock
-from bfrt.tree.descent cimport descend
+from bfrt.tree.descent cimport ABREAST, Descent, Source, count_tests, descend_all
 from bfrt.tree.forest cimport Forest
 from bfrt.tree.pieces cimport PieceReader
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, entry_of, next_treelets
-from bfrt.tree.walk cimport Piece, Search, aim, set_reach, walk_treelet
+from bfrt.tree.walk cimport Piece, Search, aim, walk_treelet
 
 import numpy as np
 
@@ -54,9 +54,8 @@ cdef inline void search_for(Search* s, const Ray* r, Forest f) noexcept nogil:
     """Begin a ray's search, with its hit so far."""
     cdef Line l = ray_line(r)
     aim(s, &l, f.padding)
-    s.kind = r.kind
-    s.id = r.id
-    set_reach(s, atomic_load(&r.t))
+    s.kind, s.id = r.kind, r.id
+    s.t = atomic_load(&r.t)
 
 
 cdef inline void keep(Ray* r, const Search* s) noexcept nogil:
@@ -166,7 +165,7 @@ cdef class TreeRays:
         """
         cdef Entry found[MOST_CANDIDATES]
         cdef Look look
-        cdef Search s
+        cdef Line l
         cdef Ray* r
         cdef int64_t i, at
         cdef int k, n
@@ -177,11 +176,11 @@ cdef class TreeRays:
                 if r.state == OVER or r.t < 0.0:
                     r.state = OVER
                     continue
-                search_for(&s, r, self.forest)
+                l = ray_line(r)
                 look.first.t, look.first.treelet, look.reach = -1.0, 0, r.t
                 if r.state == ON:
-                    entry_of(&self.forest.top, &s.line, r.voxel, &look.first)
-                n = next_treelets(&self.forest.top, &s.line, &s.slope, &look, found)
+                    entry_of(&self.forest.top, &l, r.voxel, &look.first)
+                n = next_treelets(&self.forest.top, &l, &look, found)
                 r.state = OVER
                 if n == look.most:
                     n -= 1
@@ -247,6 +246,37 @@ cdef class TreeRays:
         self.active = end
 
 
+# Rays in flight that go down a resident forest.
+cdef struct Flight:
+    void* forest    # a Forest
+    Ray* rays
+    int64_t next
+    int64_t last
+
+
+cdef bint next_in_flight(void* source, Descent* d) noexcept nogil:
+    """Set up the search of the next ray in flight that is not over: then it is."""
+    cdef Flight* t = <Flight*>source
+    cdef Ray* r
+    while t.next < t.last:
+        r = t.rays + t.next
+        d.row = t.next
+        t.next += 1
+        if r.state != OVER:
+            r.state = OVER
+            d.search.mark = <uint32_t>d.row
+            search_for(&d.search, r, <Forest>t.forest)
+            return True
+    return False
+
+
+cdef void take_in_flight(void* source, const Descent* d) noexcept nogil:
+    """Keep a ray's hit."""
+    cdef Ray* r = (<Flight*>source).rays + d.row
+    if d.search.crossings == NULL:
+        r.t, r.id = d.search.t, d.search.id
+
+
 @cython.final
 cdef class TreeIntersector:
     """Runs one worker's loops over treelets and the rays in flight.
@@ -262,17 +292,27 @@ cdef class TreeIntersector:
     cdef PieceReader pieces
     cdef CrossingBuffer crossings
     cdef Search search
+    cdef Descent abreast[ABREAST]
+    cdef Flight flight
 
     def __cinit__(self, Forest forest not None, GivenOrder order not None):
+        cdef int k
         self.forest, self.order = forest, order
         self.pieces = None if forest.resident else PieceReader(forest)
-        self.search.order = <void*>order
+        self.search.order, self.flight.forest = <void*>order, <void*>forest
         self.search.spans = forest.top.spans
+        self.search.crossings = NULL
+        self.search.node_tests = self.search.object_tests = 0
+        for k in range(ABREAST):
+            self.abreast[k].search = self.search
 
     def begin(self, CrossingBuffer crossings=None):
         """Begin with nearest hits, or with all."""
+        cdef int k
         self.crossings = crossings
         self.search.crossings = NULL if crossings is None else <void*>crossings
+        for k in range(ABREAST):
+            self.abreast[k].search.crossings = self.search.crossings
 
     def meet(self, TreeRays rays, const uint64_t[::1] found, const int64_t[::1] starts):
         """Test rays against the treelets that they enter, one treelet after another.
@@ -307,25 +347,17 @@ cdef class TreeIntersector:
 
     def descend(self, TreeRays rays, int64_t first, int64_t last):
         """Test rays [first, last) against all that they may meet, of a resident forest."""
-        cdef Search* s = &self.search
-        cdef Ray* r
-        cdef int64_t i
+        cdef Source source
+        self.flight.rays, self.flight.next, self.flight.last = &rays.rays[0], first, last
+        source.source, source.next, source.take = &self.flight, next_in_flight, take_in_flight
         with nogil:
-            for i in range(first, last):
-                r = &rays.rays[i]
-                if r.state == OVER:
-                    continue
-                r.state = OVER
-                s.mark = <uint32_t>i
-                search_for(s, r, self.forest)
-                descend(self.forest, s)
-                if s.crossings == NULL:
-                    r.t, r.id = s.t, s.id
+            descend_all(self.forest, self.abreast, &source)
             if self.crossings is not None:
                 hand_over(self.crossings)
 
     def tests(self):
         """Return the nodes and the objects tested since the last call."""
-        cdef int64_t nodes = self.search.node_tests, objects = self.search.object_tests
+        self.abreast[0].search.node_tests += self.search.node_tests
+        self.abreast[0].search.object_tests += self.search.object_tests
         self.search.node_tests = self.search.object_tests = 0
-        return nodes, objects
+        return count_tests(self.abreast)

@@ -5,7 +5,7 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.streams.atomic cimport atomic_add
 from bfrt.streams.reader cimport SharedFile
-from bfrt.treelets.node cimport INNER, WIDE, Node
+from bfrt.treelets.node cimport INNER, LARGEST_LEAF, WIDE, Node
 
 from bfrt.errors import ShortReadError, StoreError, StreamError
 
@@ -57,6 +57,7 @@ cdef int check_nodes(const Node* nodes, uint32_t n, uint32_t objects,
                 child += 1
             else:
                 first += node.count[c]
+                good = good and node.count[c] <= LARGEST_LEAF
     if not (good and child == n and first <= objects):
         with gil:
             raise StoreError(f"{file.path}: found nodes that are no tree of their treelet, expected one")

@@ -7,10 +7,11 @@ from pass to pass (the paper's sentinel, exactness rule 7).
 
 from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.geometry.box cimport Box, Span, above, box_span
+from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.vector cimport Line
-from bfrt.tree.walk cimport WAITING, keep_inner
-from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope
+from bfrt.tree.sight cimport Heading, Sight, Spans, heading_of, sight_of, sight_reach
+from bfrt.tree.walk cimport Waiting, next_waiting, wait_inner
+from bfrt.treelets.node cimport INNER, WIDE, Node
 
 cdef enum:
     MOST_CANDIDATES = 64  # of a ray in a pass, the sentinel included
@@ -18,12 +19,13 @@ cdef enum:
 # The tree above treelets: `leaves` are their numbers in the order of its nodes' leaves.
 cdef struct Top:
     const Node* nodes
+    Box around      # all treelets
     const uint32_t* leaves
     const unsigned char* boxes      # of the treelets, by number, so many bytes apart
     size_t stride
     int64_t count
     double padding      # d, by which objects' boxes are padded
-    NodeSpan spans
+    Spans spans
 
 # A treelet that a ray enters.
 cdef struct Entry:
@@ -68,23 +70,28 @@ cdef struct Look:
     int64_t node_tests
 
 
-cdef inline int next_treelets(const Top* top, const Line* l, const Slope* slope, Look* look,
+cdef inline int next_treelets(const Top* top, const Line* l, Look* look,
                               Entry* found) noexcept nogil:
     """Find the next treelets that a ray enters, ascending; return how many."""
-    cdef uint32_t waiting[WAITING]
-    cdef float entry[WAITING]
+    cdef Heading heading = heading_of(l, top.padding)
+    cdef Sight sight
+    cdef Waiting w
     cdef float near[8]
-    cdef const Node* node = top.nodes
+    cdef const Node* node
     cdef Entry e
-    cdef uint32_t leaf
-    cdef float limit = above(look.reach)
-    cdef int n = 0, count = 0, c
+    cdef float limit
+    cdef uint32_t leaf, what = 0
+    cdef int count = 0, c
     cdef unsigned int met
+    w.n = 0
     if top.count == 0:
         return 0
+    sight = sight_of(&heading, &top.around)
+    limit = sight_reach(&sight, look.reach)
     while True:
         look.node_tests += 1
-        met = top.spans(node, slope, limit, near)
+        node = top.nodes + what
+        met = top.spans(node, &sight, limit, near)
         leaf = node.first
         for c in range(WIDE):
             if node.count[c] != INNER and node.count[c]:
@@ -92,12 +99,8 @@ cdef inline int next_treelets(const Top* top, const Line* l, const Slope* slope,
                     if not comes_before(&e, &look.first):
                         count = keep_entry(found, count, look.most, &e)
                         if count == look.most:
-                            limit = above(found[count - 1].t)
+                            limit = sight_reach(&sight, found[count - 1].t)
                 leaf += node.count[c]
-        n = keep_inner(node, met, near, limit, waiting, entry, n)
-        while n > 0 and entry[n - 1] > limit:
-            n -= 1
-        if n == 0:
+        wait_inner(top.nodes, what, met, near, &w)
+        if not next_waiting(&w, limit, &what):
             return count
-        n -= 1
-        node = top.nodes + waiting[n]

@@ -5,18 +5,23 @@ The order is that of entry, nearest first, so that hits soon end the walk; it ch
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
-from bfrt.bits cimport lowest_bit, ones
-from bfrt.geometry.box cimport Box, above, box_span
+from bfrt.bits cimport lowest_bit, ones_of_eight
+from bfrt.geometry.box cimport Box, box_span
 from bfrt.geometry.coordinates cimport Frame
+from bfrt.geometry.four cimport FourRay, FourTest, four_ray
 from bfrt.geometry.outline cimport Shear, shear_along
 from bfrt.geometry.shape cimport (
     BoxHit, Shape, shape_bounds, shape_load, shape_meet, shape_missed,
 )
 from bfrt.geometry.vector cimport Line
 from bfrt.phases.crossings cimport CrossingBuffer, cross
+from bfrt.phases.pending cimport prefetch
 from bfrt.records cimport NO_HIT, SHADOW
 from bfrt.scan.given_order cimport GivenOrder, comes_first
-from bfrt.treelets.node cimport INNER, WIDE, Node, NodeSpan, Slope, slope_of
+from bfrt.tree.sight cimport (
+    Heading, Sight, Spans, heading_of, prefetch_node, sight_of, sight_reach,
+)
+from bfrt.treelets.node cimport Node, leaf_counts, objects_before
 
 cdef enum:
     WAITING = 7 * (32 + 16)  # nodes of a walk: seven a level; DEEPEST of the build, and halves
@@ -27,21 +32,23 @@ cdef struct Piece:
     int kind
     size_t stride
     Frame frame
+    FourTest four
+    const Box* box
     const Node* nodes
     const unsigned char* records
     const uint32_t* ends    # NULL where each object has one record
     uint32_t begin          # where the first begins, by that count
     uint64_t first          # the id of the first object
 
-# A ray on its way down: its line, as nodes see it, and the nearest hit so far.
+# A ray on its way down: its line, and the nearest hit so far.
 cdef struct Search:
     Line line
     Shear seen
-    Slope slope
-    NodeSpan spans
+    FourRay four
+    Heading heading
+    Spans spans
     double t
     uint64_t id
-    float reach     # t, rounded up
     uint8_t kind    # of the ray: any hit ends a shadow ray
     uint32_t mark   # which ray, for crossings
     void* order     # a GivenOrder
@@ -49,18 +56,42 @@ cdef struct Search:
     int64_t node_tests
     int64_t object_tests
 
+# Nodes that wait for a ray, in a frame of theirs, the nearest on top.
+cdef struct Waits:
+    float entry
+    uint32_t what
 
-cdef inline void set_reach(Search* s, double t) noexcept nogil:
-    """Have the search end at t."""
-    s.t = t
-    s.reach = above(t)
+cdef struct Waiting:
+    int n
+    Waits at[WAITING]
+
+
+cdef inline void wait_among(Waiting* w, int base, float entry, uint32_t what) noexcept nogil:
+    """Add what waits, in its place among those added since there were `base`."""
+    cdef int k = w.n
+    while k > base and w.at[k - 1].entry < entry:
+        w.at[k] = w.at[k - 1]
+        k -= 1
+    w.at[k].entry, w.at[k].what = entry, what
+    w.n += 1
+
+
+cdef inline bint next_waiting(Waiting* w, float reach, uint32_t* what) noexcept nogil:
+    """Take the nearest that waits; false if none is within reach."""
+    while w.n > 0:
+        w.n -= 1
+        if w.at[w.n].entry <= reach:
+            what[0] = w.at[w.n].what
+            return True
+    return False
 
 
 cdef inline void aim(Search* s, const Line* l, double grow) noexcept nogil:
-    """Set up a search along a line."""
+    """Set up a search along a line, among boxes that are grown by d (exactness rule 1)."""
     s.line = l[0]
-    s.slope = slope_of(l, grow)
+    s.heading = heading_of(l, grow)
     s.seen = shear_along(l)
+    s.four = four_ray(l, &s.seen)
 
 
 cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nogil:
@@ -72,13 +103,10 @@ cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nog
     if p.ends != NULL:
         begin = (p.ends[i - 1] if i > 0 else p.begin) - p.begin
         n = p.ends[i] - p.begin - begin
-    s.object_tests += 1
-    if shape_missed(p.kind, p.records + begin * p.stride, &p.frame, &s.line, &s.seen):
-        return 0
     if not shape_load(p.kind, p.records + begin * p.stride, n, &p.frame, &shape):
         return 0
     shape_bounds(&shape, &box)
-    if not box_span(&box, s.slope.grow, &s.line, &m.span) or m.span.near > s.t:
+    if not box_span(&box, s.heading.grow, &s.line, &m.span) or m.span.near > s.t:
         return 0
     m.line = s.line
     if s.crossings != NULL:
@@ -89,65 +117,102 @@ cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nog
         m.t < s.t or s.id == NO_HIT or comes_first(<GivenOrder>s.order, p.first + i, s.id)
     ):
         s.id = p.first + i
-        set_reach(s, -1.0 if s.kind == SHADOW else m.t)
+        s.t = -1.0 if s.kind == SHADOW else m.t
+    return 0
+
+
+cdef inline int meet_leaf(const Piece* p, uint32_t first, uint32_t end, Search* s) except -1 nogil:
+    """Test the objects of a leaf: those that are not missed at the first look."""
+    cdef uint32_t i = first, n
+    cdef unsigned int maybe
+    s.object_tests += end - first
+    while i < end:
+        n = min(end - i, <uint32_t>4)
+        if p.four != NULL:
+            maybe = p.four(p.records + i * p.stride, p.stride, <int>n, &s.four)
+            while maybe:
+                meet_object(p, i + <uint32_t>lowest_bit(maybe), s)
+                maybe &= maybe - 1
+        else:
+            for i in range(i, i + n):
+                if p.ends != NULL or not shape_missed(
+                    p.kind, p.records + i * p.stride, &p.frame, &s.line, &s.seen
+                ):
+                    meet_object(p, i, s)
+            i += 1 - n
+        i += n
     return 0
 
 
 cdef inline int meet_leaves(const Piece* p, const Node* node, unsigned int met,
                             Search* s) except -1 nogil:
-    """Test the objects of those leaves of a node that the ray meets."""
-    cdef uint32_t first = node.first
-    cdef uint32_t i
-    cdef int c
-    for c in range(WIDE):
-        if node.count[c] != INNER and node.count[c]:
-            if met >> c & 1:
-                for i in range(first, first + node.count[c]):
-                    meet_object(p, i, s)
-            first += node.count[c]
+    """Test the objects of those children that are leaves and that the ray meets."""
+    cdef uint64_t counts = leaf_counts(node)
+    cdef uint64_t before = objects_before(counts)
+    cdef uint32_t first
+    cdef int at
+    while met:
+        at = 8 * lowest_bit(met)
+        met &= met - 1
+        first = node.first + (before >> at & 0xFF)
+        meet_leaf(p, first, first + (counts >> at & 0xFF), s)
     return 0
 
 
-cdef inline int walk_treelet(const Piece* p, Search* s) except -1 nogil:
-    """Test a ray against the objects of a treelet."""
-    cdef uint32_t waiting[WAITING]
-    cdef float entry[WAITING]
-    cdef float near[8]
-    cdef const Node* node = p.nodes
-    cdef unsigned int met
-    cdef int n = 0
-    while True:
-        s.node_tests += 1
-        met = s.spans(node, &s.slope, s.reach, near)
-        if met & ~<unsigned int>node.inner:
-            meet_leaves(p, node, met, s)  # first, for what they hit may spare nodes
-        n = keep_inner(node, met, near, s.reach, waiting, entry, n)
-        while n > 0 and entry[n - 1] > s.reach:
-            n -= 1
-        if n == 0:
-            return 0
-        n -= 1
-        node = p.nodes + waiting[n]
+cdef inline void prefetch_leaves(const Piece* p, const Node* node, unsigned int met) noexcept nogil:
+    """Have the records of leaves come from memory."""
+    cdef uint64_t counts = leaf_counts(node)
+    cdef uint64_t before = objects_before(counts)
+    cdef const unsigned char* r
+    cdef const unsigned char* end
+    cdef int at
+    if p.ends != NULL:
+        return
+    while met:
+        at = 8 * lowest_bit(met)
+        met &= met - 1
+        r = p.records + (node.first + (before >> at & 0xFF)) * p.stride
+        end = r + (counts >> at & 0xFF) * p.stride
+        while r < end:
+            prefetch(r)
+            r += 64
+        prefetch(end - 1)
 
 
-cdef inline int keep_inner(const Node* node, unsigned int met, const float* near, float reach,
-                           uint32_t* waiting, float* entry, int n) noexcept nogil:
-    """Add the children that are nodes to those that wait, of which there are n, the farthest at the
-    bottom of those added; return how many wait then."""
-    cdef int k, base = n, c
-    cdef float t
+cdef inline void wait_inner(const Node* nodes, uint32_t of, unsigned int met, const float* near,
+                            Waiting* w) noexcept nogil:
+    """Add the children of a node that are nodes to those that wait, the farthest first."""
+    cdef const Node* node = nodes + of
+    cdef uint32_t child
+    cdef int base = w.n, c
     met &= node.inner
     while met:
         c = lowest_bit(met)
         met &= met - 1
-        t = near[c]
-        if t > reach:
-            continue
-        k = n
-        while k > base and entry[k - 1] < t:
-            entry[k], waiting[k] = entry[k - 1], waiting[k - 1]
-            k -= 1
-        entry[k] = t
-        waiting[k] = node.child + <uint32_t>ones(node.inner & ((1 << c) - 1))
-        n += 1
-    return n
+        child = node.child + <uint32_t>ones_of_eight(node.inner & ((1 << c) - 1))
+        prefetch_node(nodes + child)
+        wait_among(w, base, near[c], child)
+
+
+cdef inline int walk_treelet(const Piece* p, Search* s) except -1 nogil:
+    """Test a ray against the objects of a treelet."""
+    cdef Sight sight = sight_of(&s.heading, p.box)
+    cdef float reach = sight_reach(&sight, s.t)
+    cdef float near[8]
+    cdef Waiting w
+    cdef double t = s.t
+    cdef uint32_t what = 0
+    cdef unsigned int met, leaves
+    w.n = 0
+    while True:
+        s.node_tests += 1
+        met = s.spans(p.nodes + what, &sight, reach, near)
+        leaves = met & ~<unsigned int>p.nodes[what].inner
+        if leaves:
+            meet_leaves(p, p.nodes + what, leaves, s)  # first, for what they hit may spare nodes
+            if s.t != t:
+                t = s.t
+                reach = sight_reach(&sight, t)
+        wait_inner(p.nodes, what, met, near, &w)
+        if not next_waiting(&w, reach, &what):
+            return 0

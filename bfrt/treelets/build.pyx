@@ -15,7 +15,7 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box, box_empty
 from bfrt.records cimport Treelet
-from bfrt.treelets.node cimport INNER, WIDE, Node, node_boxes
+from bfrt.treelets.node cimport INNER, LARGEST_LEAF, WIDE, Node, node_boxes
 from bfrt.treelets.split cimport (
     RangeBox, Reference, half_surface, range_bounds, range_box, refer, referred, split_range,
 )
@@ -44,7 +44,7 @@ cdef class TreeletBuilder:
     Parameters
     ----------
     most, leaf : int
-        Objects of a treelet, and of a leaf, at the most; up to 254 in a leaf.
+        Objects of a treelet, and of a leaf, at the most; up to 31 in a leaf.
     """
 
     cdef object node_records, treelet_records, order_records
@@ -57,7 +57,7 @@ cdef class TreeletBuilder:
     cdef int64_t most, leaf, capacity
 
     def __cinit__(self, int64_t most=TREELET_OBJECTS, int64_t leaf=LEAF_OBJECTS):
-        self.most, self.leaf, self.capacity = max(most, leaf), leaf, -1
+        self.most, self.leaf, self.capacity = max(most, leaf), min(leaf, LARGEST_LEAF), -1
         # Aligned to 16 bytes, as memory that is asked for is, and vectors of four have to be.
         self.ranges = <Range*>PyMem_RawMalloc((self.most + STACK) * sizeof(Range))
         if self.ranges == NULL:

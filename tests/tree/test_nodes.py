@@ -18,6 +18,10 @@ def boxes(draw, most=8):
     return np.concatenate([corners.min(1), corners.max(1)], 1)
 
 
+def around(made):
+    return np.concatenate([made[:, :3].min(0), made[:, 3:].max(0)])
+
+
 @given(boxes())
 def test_quantised_boxes_contain_the_boxes(made):
     sides = node_sides(node_of(made))[: len(made)]
@@ -50,7 +54,7 @@ PARTS = NUMBERS | st.sampled_from([0.0, 1e-300, -1e-300, 2.0**-64, 2.0**64, 5e-3
 )
 def test_what_a_ray_meets_is_never_left_out(plain, made, origin, direction, grow, reach):
     assume(any(direction))
-    met, near = node_met(node_of(made), origin, direction, grow, reach, plain)
+    met, near = node_met(node_of(made), around(made), (origin, direction), grow, reach, plain)
     assert met < 1 << len(made)
     for i, box in enumerate(made):
         span = box_met(box, origin, direction, grow)
@@ -67,7 +71,7 @@ def test_what_is_far_beside_is_left_out(plain):
     met = there = 0
     for some in made:
         origin, direction = rng.uniform(-4, 4, 3), rng.normal(size=3)
-        bits, _ = node_met(node_of(some), origin, direction, 0.0, np.inf, plain)
+        bits, _ = node_met(node_of(some), around(some), (origin, direction), 0.0, np.inf, plain)
         met += bits.bit_count()
         there += sum(box_met(box, origin, direction, 0.0) is not None for box in some)
     assert there <= met <= 1.1 * there

@@ -1,0 +1,139 @@
+"""Four records side by side: which of them a ray may meet.
+
+Those left out are missed by the same arithmetic, to the last bit, as one record is tested with
+(triangle.pxd, sphere.pxd); the others are tested one by one. Where the processor lacks the vectors,
+or records are float64, none is left out here.
+"""
+
+from libc.stdint cimport int32_t
+
+from bfrt.geometry.outline cimport Shear
+from bfrt.geometry.vector cimport Line, dot
+from bfrt.records cimport PATCH, SPHERE, TRIANGLE
+
+cdef extern from *:
+    """
+    #include <stddef.h>
+    #include <stdint.h>
+
+    typedef struct {
+        double o[3], d[3];
+        double square; /* d.d */
+        int32_t k; /* the axis of d's largest part */
+    } bfrt_four_ray;
+
+    #if defined(__x86_64__) && defined(__GNUC__)
+    #include <immintrin.h>
+
+    /* Where each of four is, of the n that there are: the last again and again. */
+    #define BFRT_FOUR(i) (records + ((i) < n ? (i) : n - 1) * stride)
+
+    __attribute__((target("avx2")))
+    static unsigned bfrt_four_triangles(const unsigned char *records, size_t stride, int n,
+                                        const bfrt_four_ray *ray)
+    {
+        __m128 part[12], last[4];
+        for (int i = 0; i < 4; i++) {
+            const float *r = (const float *)BFRT_FOUR(i);
+            part[i] = _mm_loadu_ps(r);
+            part[4 + i] = _mm_loadu_ps(r + 4);
+            last[i] = _mm_load_ss(r + 8);
+        }
+        _MM_TRANSPOSE4_PS(part[0], part[1], part[2], part[3]);
+        _MM_TRANSPOSE4_PS(part[4], part[5], part[6], part[7]);
+        part[8] = _mm_movelh_ps(_mm_unpacklo_ps(last[0], last[1]), _mm_unpacklo_ps(last[2], last[3]));
+        int kz = ray->k, kx = kz == 2 ? 0 : kz + 1, ky = kz == 0 ? 2 : kz - 1;
+        __m256d ox = _mm256_broadcast_sd(&ray->o[kx]), dx = _mm256_broadcast_sd(&ray->d[kx]);
+        __m256d oy = _mm256_broadcast_sd(&ray->o[ky]), dy = _mm256_broadcast_sd(&ray->d[ky]);
+        __m256d oz = _mm256_broadcast_sd(&ray->o[kz]), dz = _mm256_broadcast_sd(&ray->d[kz]);
+        __m256d x[3], y[3];
+        for (int v = 0; v < 3; v++) {
+            __m256d qx = _mm256_sub_pd(_mm256_cvtps_pd(part[3 * v + kx]), ox);
+            __m256d qy = _mm256_sub_pd(_mm256_cvtps_pd(part[3 * v + ky]), oy);
+            __m256d qz = _mm256_sub_pd(_mm256_cvtps_pd(part[3 * v + kz]), oz);
+            x[v] = _mm256_sub_pd(_mm256_mul_pd(qx, dz), _mm256_mul_pd(qz, dx));
+            y[v] = _mm256_sub_pd(_mm256_mul_pd(qy, dz), _mm256_mul_pd(qz, dy));
+        }
+        __m256d zero = _mm256_setzero_pd(), below = zero, above = zero;
+        for (int v = 0; v < 3; v++) {
+            int w = v == 2 ? 0 : v + 1;
+            /* Where the products are equal this is 0, and says nothing. */
+            __m256d side = _mm256_sub_pd(_mm256_mul_pd(x[w], y[v]), _mm256_mul_pd(y[w], x[v]));
+            below = _mm256_or_pd(below, _mm256_cmp_pd(side, zero, _CMP_LT_OQ));
+            above = _mm256_or_pd(above, _mm256_cmp_pd(side, zero, _CMP_GT_OQ));
+        }
+        return ~(unsigned)_mm256_movemask_pd(_mm256_and_pd(below, above)) & ((1u << n) - 1);
+    }
+
+    __attribute__((target("avx2")))
+    static unsigned bfrt_four_spheres(const unsigned char *records, size_t stride, int n,
+                                      const bfrt_four_ray *ray)
+    {
+        __m128 part[4];
+        for (int i = 0; i < 4; i++)
+            part[i] = _mm_loadu_ps((const float *)BFRT_FOUR(i));
+        _MM_TRANSPOSE4_PS(part[0], part[1], part[2], part[3]);
+        __m256d co[3], d[3];
+        for (int k = 0; k < 3; k++) {
+            d[k] = _mm256_broadcast_sd(&ray->d[k]);
+            co[k] = _mm256_sub_pd(_mm256_broadcast_sd(&ray->o[k]), _mm256_cvtps_pd(part[k]));
+        }
+        __m256d b = _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(co[0], d[0]), _mm256_mul_pd(co[1], d[1])),
+                                  _mm256_mul_pd(co[2], d[2]));
+        __m256d t = _mm256_div_pd(_mm256_xor_pd(b, _mm256_set1_pd(-0.0)),
+                                  _mm256_broadcast_sd(&ray->square));
+        for (int k = 0; k < 3; k++)
+            co[k] = _mm256_add_pd(co[k], _mm256_mul_pd(d[k], t));
+        __m256d away = _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(co[0], co[0]), _mm256_mul_pd(co[1], co[1])),
+                                     _mm256_mul_pd(co[2], co[2]));
+        __m256d r = _mm256_cvtps_pd(part[3]);
+        __m256d room = _mm256_sub_pd(_mm256_mul_pd(r, r), away);
+        return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(room, _mm256_setzero_pd(), _CMP_GE_OQ))
+            & ((1u << n) - 1);
+    }
+    #undef BFRT_FOUR
+    #define BFRT_HAS_FOUR __builtin_cpu_supports("avx2")
+    #else
+    #define bfrt_four_triangles 0
+    #define bfrt_four_spheres 0
+    #define BFRT_HAS_FOUR 0
+    #endif
+
+    typedef unsigned (*bfrt_four_test)(const unsigned char *, size_t, int, const bfrt_four_ray *);
+
+    static inline bfrt_four_test bfrt_four_test_of(int triangles, int plain)
+    {
+        if (plain || !BFRT_HAS_FOUR)
+            return 0;
+        return triangles ? bfrt_four_triangles : bfrt_four_spheres;
+    }
+    """
+    ctypedef struct FourRay "bfrt_four_ray":
+        double o[3]
+        double d[3]
+        double square
+        int32_t k
+
+    # Of n records, one to four, those that the ray may meet, as bits.
+    ctypedef unsigned int (*FourTest "bfrt_four_test")(
+        const unsigned char* records, size_t stride, int n, const FourRay* ray
+    ) noexcept nogil
+
+    FourTest four_test_of "bfrt_four_test_of"(bint triangles, bint plain) noexcept nogil
+
+
+cdef inline FourTest four_test(int kind, bint wide, bint plain) noexcept nogil:
+    """Return the test of a kind's records, or NULL for none."""
+    if wide or not (kind == TRIANGLE or kind == PATCH or kind == SPHERE):
+        return NULL
+    return four_test_of(kind != SPHERE, plain)
+
+
+cdef inline FourRay four_ray(const Line* l, const Shear* seen) noexcept nogil:
+    """Return a ray as four records see it."""
+    cdef FourRay ray
+    ray.o[0], ray.o[1], ray.o[2] = l.o.x, l.o.y, l.o.z
+    ray.d[0], ray.d[1], ray.d[2] = l.d.x, l.d.y, l.d.z
+    ray.square = dot(l.d, l.d)
+    ray.k = seen.k
+    return ray
