@@ -7,8 +7,8 @@ import sys
 from typing import Any
 
 import bfrt
-from bfrt.cli.bars import making_bar
-from bfrt.cli.options import add_hierarchy, command, hierarchy_of
+from bfrt.cli.bars import bars
+from bfrt.cli.options import add_hierarchy, add_order, command, hierarchy_of
 from bfrt.conversion.sources import parse_spd
 from bfrt.errors import SettingError
 from bfrt.settings import at_least_one
@@ -27,6 +27,7 @@ def add_spd(commands: Any) -> None:
         "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
     )
     made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    add_order(made, "given")
     add_hierarchy(made)
 
 
@@ -41,7 +42,7 @@ def run_spd(options: argparse.Namespace) -> None:
         with (
             atomic_path(options.nff) as path,
             path.open("w") as file,
-            making_bar(scene, "text", options.quiet) as progress,
+            bars("text", options.quiet) as progress,
         ):
             scene.write_nff(file, threads=threads, progress=progress)
     if options.output is not None:
@@ -50,10 +51,11 @@ def run_spd(options: argparse.Namespace) -> None:
                 f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes",
                 file=sys.stderr,
             )
-        with making_bar(scene, "store", options.quiet) as progress:
+        with bars("store", options.quiet) as progress:
             scene.write(
                 options.output,
                 hierarchy=hierarchy_of(options, scene.hierarchy),
+                order=options.order,
                 threads=threads,
                 progress=progress,
             )

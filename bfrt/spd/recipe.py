@@ -21,12 +21,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import Cancelled, DiskFullError, SettingError
+from bfrt.progress import DoneReport, is_no, staged
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
 from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Scalar, Task
 from bfrt.spd.nff import BlockText, block_text, fill_text, head_text
 from bfrt.store.columns import prepare
 from bfrt.store.extent import Extent
+from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
 from bfrt.streams.atomic_write import refused
@@ -180,7 +182,7 @@ class SpdScene(abc.ABC):
             for block in prepared:
                 sink.add(block)
             done += objects
-            if progress is not None and progress(done) is False:
+            if progress is not None and is_no(progress(done)):
                 raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
 
     def write(
@@ -188,8 +190,9 @@ class SpdScene(abc.ABC):
         path: str | os.PathLike[str],
         *,
         hierarchy: Hierarchy | None = None,
+        order: Order = "given",
         threads: int | None = None,
-        progress: Report | None = None,
+        progress: DoneReport | None = None,
     ) -> Scene:
         """Write the scene as a scene store, with float32 geometry.
 
@@ -199,10 +202,15 @@ class SpdScene(abc.ABC):
             The store to make.
         hierarchy : Hierarchy, optional
             Settings of the box hierarchy. By default the paper's for this scene.
+        order : {"given", "spatial", "auto"}
+            The order in which objects are stored; by default the package's, as in the paper. The
+            other two are as for `bfrt.convert`.
         threads : int, optional
             Threads that make blocks. By default all cores that this process may use.
         progress : callable, optional
-            Called with the number of objects written so far; returning False cancels.
+            Called with the number of objects written so far, and after that, of a store in
+            spatial order, with the number that are in order: a `bfrt.progress.Done`, which tells
+            the stage, "writing" or "ordering", and the total. Returning False cancels.
 
         Returns
         -------
@@ -221,14 +229,17 @@ class SpdScene(abc.ABC):
         """
         check_room(path, self.store_bytes + self.hierarchy_bytes)
         with SceneWriter(
-            path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy
-        ) as writer:
+            path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy,
+            order=order,
+        ) as writer:  # fmt: skip
             writer.expect(self.counts, self.surface)
-            self.feed(writer, usable_threads() if threads is None else threads, progress)
+            report = staged(progress, "writing", self.objects)
+            self.feed(writer, usable_threads() if threads is None else threads, report)
+            writer.complete(progress)
         return open_scene(path)
 
     def write_nff(
-        self, file: TextFile, *, threads: int | None = None, progress: Report | None = None
+        self, file: TextFile, *, threads: int | None = None, progress: DoneReport | None = None
     ) -> None:
         """Write the scene as NFF text, as the package does.
 
@@ -252,6 +263,7 @@ class SpdScene(abc.ABC):
 
         current, done = -1, 0
         count = usable_threads() if threads is None else threads
+        report = staged(progress, "writing", self.objects)
         for block in ahead(text, self.tasks(), count):
             if not block.objects:
                 continue
@@ -259,8 +271,8 @@ class SpdScene(abc.ABC):
             file.write(block.text[len(fills[current]) :] if same else block.text)
             current = block.last
             done += block.objects
-            if progress is not None and progress(done) is False:
-                raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
+            if report is not None:
+                report(done)
 
     def fill(self, material: int) -> str:
         """Return the line of text that sets a material."""

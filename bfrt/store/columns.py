@@ -98,7 +98,6 @@ class StreamWriter:
         self.materials = MaterialColumn(folder, durable)
         self.hierarchy: HierarchyWriter | None = None
         self.locality = Locality()
-        self._expected = 0
         names = ["geometry"]
         if kind.boxed:
             names.append("boxes")
@@ -156,16 +155,11 @@ class StreamWriter:
         """Make the first level as the objects come, of which there will be `count`, 1 or more."""
         self.hierarchy = self._hierarchy_writer(settings, surface)
         self.hierarchy.begin(count)
-        self._expected = count
 
     def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
         """Make the levels of the hierarchy that are missing, from the complete files."""
         if self.hierarchy is None:
             self.hierarchy = self._hierarchy_writer(settings, surface)
-        elif self.count != self._expected:
-            raise SceneError(
-                f"{self.label}: found {self.count} objects, expected {self._expected} as announced"
-            )
         self.hierarchy.complete(self._boxes(origin), self.count)
         return self.hierarchy.levels
 
