@@ -8,11 +8,9 @@ the package computes them before it prints six digits; a store keeps them as flo
 from __future__ import annotations
 
 import abc
-import errno
 import math
 import operator
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,7 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from bfrt.errors import Cancelled, DiskFullError, SettingError
+from bfrt.errors import Cancelled, SettingError
 from bfrt.progress import DoneReport, is_no, staged
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
@@ -31,7 +29,9 @@ from bfrt.store.extent import Extent
 from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
-from bfrt.streams.atomic_write import refused
+from bfrt.store.ordering.objects import Layout
+from bfrt.store.ordering.room import Amount, room_beside, room_of
+from bfrt.streams.free import check_free
 from bfrt.workers import ahead, usable_threads
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -136,7 +136,7 @@ class SpdScene(abc.ABC):
     @property
     def store_bytes(self) -> int:
         """Return the most bytes of its store, without header and hierarchy, before it is made."""
-        width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
+        width = self._material_bytes
         total = len(self.materials) * MATERIAL_BYTES
         for kind, count in self.counts.items():
             records = self.vertices if kind.counted else count
@@ -150,6 +150,23 @@ class SpdScene(abc.ABC):
         """Return the most bytes of its hierarchy: a twentieth of the store, and quantised boxes."""
         boxed = sum(count for kind, count in self.counts.items() if kind.boxed)
         return self.store_bytes // 20 + boxed * CODE_BYTES
+
+    def room(self, order: Order) -> int:
+        """Return the most bytes on disk that it takes to write the store in an order."""
+        stored = self.store_bytes + self.hierarchy_bytes
+        if order == "given":
+            return stored
+        rooms = []
+        for kind, count in sorted(self.counts.items()):
+            records = self.vertices if kind.counted else count
+            amount = Amount(count, records, self._material_bytes, local=False)
+            rooms.append(room_of(Layout(kind, False, ORIGIN), amount))
+        return stored + room_beside(rooms)
+
+    @property
+    def _material_bytes(self) -> int:
+        """Return the bytes of an object's material."""
+        return 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
 
     def blocks(self, limit: int = BLOCK_OBJECTS, dtype: Scalar = np.float64) -> Iterator[Block]:
         """Yield the objects, block by block, in the package's order."""
@@ -227,7 +244,7 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
-        check_room(path, self.store_bytes + self.hierarchy_bytes)
+        check_free(Path(os.path.realpath(path)).parent, self.room(order), "writing")
         with SceneWriter(
             path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy,
             order=order,
@@ -292,14 +309,3 @@ def phong_power(degrees: float) -> float:
     if degrees >= 90.0:
         return 1.0
     return math.log(0.5) / math.log(math.cos(math.radians(degrees)))
-
-
-def check_room(path: str | os.PathLike[str], needed: int) -> None:
-    """Refuse a store that the disk has no room for, before it is begun."""
-    folder = Path(os.path.realpath(path)).parent
-    try:
-        free = shutil.disk_usage(folder).free
-    except OSError as error:
-        raise refused(folder, 0, error, "examining") from error
-    if free < needed:
-        raise DiskFullError(path, 0, errno.ENOSPC, f"writing {needed} bytes where {free} are free,")

@@ -167,7 +167,10 @@ class StreamWriter:
         """Describe the complete files."""
         materials = self.materials
         layout = Layout(self.kind, self.wide, origin)
-        return GivenFiles(self._folder, layout, self.count, materials.first, materials.bytes)
+        records = self.vertices if self.kind.counted else self.count
+        return GivenFiles(
+            self._folder, layout, self.count, records, materials.first, materials.bytes
+        )
 
     def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
         """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""

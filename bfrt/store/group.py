@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -162,7 +163,8 @@ class GroupWriter:
             ordering.folder, self._making.hierarchy, surface, durable=self._making.durable
         )
         try:
-            hierarchy.complete(ordering.boxes(), stream.count)
+            with closing(ordering.boxes()) as boxes:
+                hierarchy.complete(boxes, stream.count)
             header.update(ordering.close())
         except BaseException:
             hierarchy.abandon()

@@ -355,7 +355,7 @@ class StoreWriter(RecordWriter):
             )
         return open_store(self.path)
 
-    def _header(self, progress: DoneReport | None) -> dict[str, Any]:
+    def _header(self, progress: DoneReport | None = None) -> dict[str, Any]:
         """Complete all other files; return what the header says."""
         records = self._close(progress)
         self._put(MADE, {"hierarchy_seconds": sum(g.hierarchy_seconds for g in self._groups)})

@@ -10,13 +10,10 @@ import numpy as np
 
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
-from bfrt.store.ordering.objects import Layout
+from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.windows import OrderedWindow
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
-
-#: Ids below this take four bytes each, others eight.
-SHORT_IDS = 1 << 32
 
 
 class OrderedFiles:
@@ -44,7 +41,7 @@ class OrderedFiles:
             raise refused(folder, 0, error, "creating") from error
         self.treelets = self.nodes = 0
         self.folder = folder
-        self.id_bytes = 4 if count <= SHORT_IDS else 8
+        self.id_bytes = id_bytes_of(count)
         self._done = self._vertices = 0
         self._materials = MaterialColumn(folder, durable)
         self._files: dict[str, FileWriter] = {}

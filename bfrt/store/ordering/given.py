@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
-from bfrt.store.ordering.objects import Layout, Objects
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects
+from bfrt.store.ordering.room import Amount, Room, room_of
 from bfrt.streams.atomic_write import refused
-
-#: Objects that are read at once.
-OBJECTS_AT_ONCE = 1 << 16
 
 
 class GivenFiles(NamedTuple):
@@ -28,6 +26,8 @@ class GivenFiles(NamedTuple):
     layout : Layout
     objects : int
         Number of them.
+    records : int
+        Objects again, or vertices of polygons.
     material, material_bytes : int
         The material of all, where no file of materials is there; bytes of one in that file.
     """
@@ -35,8 +35,13 @@ class GivenFiles(NamedTuple):
     folder: Path
     layout: Layout
     objects: int
+    records: int
     material: int
     material_bytes: int
+
+    def room(self, local: bool) -> Room:
+        """Work out the room on disk of its ordering."""
+        return room_of(self.layout, Amount(self.objects, self.records, self.material_bytes, local))
 
     def blocks(self) -> Iterator[Objects]:
         """Yield all objects, in the order given."""

@@ -16,6 +16,18 @@ from bfrt.store.ordering._loops import gather, gather_runs
 Bytes = NDArray[np.uint8]
 
 
+#: Objects that are read at once.
+OBJECTS_AT_ONCE = 1 << 16
+
+#: Ids below this take four bytes each, others eight.
+SHORT_IDS = 1 << 32
+
+
+def id_bytes_of(count: int) -> int:
+    """Return the bytes of an id where there are `count` objects."""
+    return 4 if count <= SHORT_IDS else 8
+
+
 class Layout(NamedTuple):
     """Says what a stream's records are.
 

@@ -11,15 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.store.ordering.given import OBJECTS_AT_ONCE
-from bfrt.store.ordering.objects import Layout, Objects
+from bfrt.records import Kind
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects
 from bfrt.streams.atomic_write import nameless, refused
+from bfrt.streams.free import check_free
 from bfrt.streams.writer import view_of
 
 Sizes = NDArray[np.int64]
 
 #: Bytes of an object beside its geometry: its vertices' number, for polygons; material; id.
 COUNT_BYTES, MATERIAL_BYTES, ID_BYTES = 4, 4, 8
+
+
+def object_bytes(kind: Kind, count: int) -> int:
+    """Return the bytes of one of `count` objects beside its geometry."""
+    return (COUNT_BYTES if kind.counted else 0) + MATERIAL_BYTES + ID_BYTES
 
 
 class Regions:
@@ -34,10 +40,18 @@ class Regions:
         Records of each: objects, or vertices of polygons.
     scratch : Path
         Folder of the file.
+
+    Attributes
+    ----------
+    objects
+        As given.
+    bytes : int
+        Of all regions.
     """
 
     def __init__(self, layout: Layout, objects: Sizes, records: Sizes, scratch: Path) -> None:
         self._layout = layout
+        self.objects = objects
         self._path = scratch / "parts"
         counted = COUNT_BYTES if layout.kind.counted else 0
         sizes = np.stack(
@@ -47,8 +61,9 @@ class Regions:
         ends = np.cumsum(sizes).reshape(sizes.shape)
         self._begins = ends - sizes
         self._at = self._begins.copy()
-        self._file = nameless(scratch, self._path)
         self.bytes = int(sizes.sum())
+        check_free(scratch, self.bytes, "parting objects with")
+        self._file = nameless(scratch, self._path)
 
     def append(self, region: int, some: Objects) -> None:
         """Add objects to a region."""
