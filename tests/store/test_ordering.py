@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from boxes import boxes_of
 
 import bfrt
 from bfrt.cli.command import main
@@ -179,6 +180,9 @@ def test_progress_of_a_conversion_reads_and_then_orders(tmp_path):
 def test_the_room_on_disk_is_told_beforehand(tmp_path, monkeypatch, shape):
     """The bytes of all files at once are no more than were told, and not far below."""
     monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 2000)
+    monkeypatch.setattr("bfrt.store.locality.TOGETHER", 2000)
+    for name in ("BUFFER_BYTES", "KEPT_BYTES"):
+        monkeypatch.setattr(f"bfrt.streams.writer.{name}", 1 << 12)
     peak, needed = [0], [0]
     monkeypatch.setattr(
         "bfrt.store.ordering.order.check_free",
@@ -196,7 +200,7 @@ def test_the_room_on_disk_is_told_beforehand(tmp_path, monkeypatch, shape):
     n = 40_000
     centers = rng.random((n, 3))
     if shape == "local":
-        centers = centers[np.lexsort(np.floor(centers * 8).T)]
+        centers = centers[np.lexsort(np.floor(centers * 3).T)]
     if shape == "crowded":  # more and more so, towards a corner
         centers = 2.0 ** rng.uniform(-40, 0, (n, 1)) * [1.0, 1.0, 1.0]
     triangles = centers[:, None] + rng.normal(0, 1e-3, (n, 3, 3)) * centers[:, :1, None]
@@ -401,3 +405,68 @@ def test_digests_differ_by_order_and_not_by_hierarchy(tmp_path, whole):
     flat = make(tmp_path / "a.bfrt", hierarchy=bfrt.Hierarchy(n=4, s=2.0))
     given_store = make(tmp_path / "b.bfrt", order="given")
     assert flat.checksum == open_store(whole).checksum != given_store.checksum
+
+
+# --- the files, as docs/store.rst describes them -------------------------------------------------
+
+
+def number(data, at, kind):
+    return np.frombuffer(data, kind, 1, at)[0]
+
+
+def below(nodes, treelet_node, node, covered, objects):
+    """Follow a node as the page says: yield each leaf's objects with its box."""
+    at = 80 * (treelet_node + node)
+    low = np.frombuffer(nodes, "<f4", 3, at).astype(np.float64)
+    step = 2.0 ** np.frombuffer(nodes, "i1", 3, at + 12).astype(np.float64)
+    inner, child = nodes[at + 15], int(number(nodes, at + 16, "<u4"))
+    first = int(number(nodes, at + 20, "<u4"))
+    counts = np.frombuffer(nodes, "u1", 8, at + 24)
+    lower = np.frombuffer(nodes, "u1", 24, at + 32).reshape(3, 8).T * step + low
+    upper = np.frombuffer(nodes, "u1", 24, at + 56).reshape(3, 8).T * step + low
+    covered.append(node)
+    for k in range(8):
+        assert (counts[k] == 255) == bool(inner >> k & 1)
+        if counts[k] == 255:
+            yield from (
+                (object, np.maximum(lo, lower[k]), np.minimum(hi, upper[k]))
+                for object, lo, hi in below(nodes, treelet_node, child, covered, objects)
+            )
+            child += 1
+        elif counts[k]:
+            assert counts[k] <= 4
+            for object in range(first, first + counts[k]):
+                yield objects + object, lower[k], upper[k]
+            first += int(counts[k])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_files_are_as_the_page_says(whole, tmp_path, kind):
+    header = json.loads((whole / "scene.json").read_text())
+    (stream,) = (s for s in header["groups"][0]["streams"] if KINDS[s["kind"]] == kind)
+    folder = whole / "0" / kind
+    treelets, nodes = ((folder / name).read_bytes() for name in ("treelets", "nodes"))
+    assert (len(treelets), len(nodes)) == (48 * stream["treelets"], 80 * stream["nodes"])
+    ids = np.fromfile(folder / "ids", {4: "<u4", 8: "<u8"}[stream["id_bytes"]])
+    geometry = np.fromfile(folder / "geometry", np.uint8).reshape(stream["count"], -1)
+    as_given = make(tmp_path / "g.bfrt", order="given").path / "0" / kind
+    expected = np.fromfile(as_given / "geometry", np.uint8).reshape(stream["count"], -1)
+    np.testing.assert_array_equal(geometry, expected[ids])
+    begin = stream["kind"] * stream["count"]
+    boxes = boxes_of(open_store(as_given.parents[1]))[begin : begin + stream["count"]][ids]
+    end = last_node = 0
+    for at in range(0, len(treelets), 48):
+        lo, hi = np.frombuffer(treelets, "<f4", 6, at).reshape(2, 3)
+        first, node = (int(number(treelets, at + k, "<u8")) for k in (24, 32))
+        count, nodes_of_it = (int(number(treelets, at + k, "<u4")) for k in (40, 44))
+        assert (first, node) == (end, last_node)
+        covered = []
+        found = list(below(nodes, node, 0, covered, first))
+        assert sorted(covered) == list(range(nodes_of_it))
+        assert sorted(object for object, _, _ in found) == list(range(first, first + count))
+        for object, lower, upper in found:
+            assert (lower <= boxes[object, :3]).all() and (boxes[object, 3:] <= upper).all()
+        np.testing.assert_array_equal(lo, boxes[first : first + count, :3].min(0))
+        np.testing.assert_array_equal(hi, boxes[first : first + count, 3:].max(0))
+        end, last_node = first + count, node + nodes_of_it
+    assert (end, last_node) == (stream["count"], stream["nodes"])
