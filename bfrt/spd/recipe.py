@@ -29,7 +29,7 @@ from bfrt.store.extent import Extent
 from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
-from bfrt.store.ordering.objects import Layout
+from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.room import Amount, room_beside, room_of
 from bfrt.streams.free import check_free
 from bfrt.workers import ahead, usable_threads
@@ -159,8 +159,8 @@ class SpdScene(abc.ABC):
         rooms = []
         for kind, count in sorted(self.counts.items()):
             records = self.vertices if kind.counted else count
-            amount = Amount(count, records, self._material_bytes, local=False)
-            rooms.append(room_of(Layout(kind, False, ORIGIN), amount))
+            layout = Layout(kind, False, ORIGIN, id_bytes_of(count), self._material_bytes)
+            rooms.append(room_of(layout, Amount(count, records, local=False)))
         return stored + room_beside(rooms)
 
     @property

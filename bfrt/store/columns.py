@@ -23,7 +23,7 @@ from bfrt.store.locality import Locality
 from bfrt.store.material_column import MaterialColumn
 from bfrt.store.model import Vector
 from bfrt.store.ordering.given import GivenFiles
-from bfrt.store.ordering.objects import Layout
+from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
@@ -166,11 +166,11 @@ class StreamWriter:
     def given(self, origin: Vector) -> GivenFiles:
         """Describe the complete files."""
         materials = self.materials
-        layout = Layout(self.kind, self.wide, origin)
-        records = self.vertices if self.kind.counted else self.count
-        return GivenFiles(
-            self._folder, layout, self.count, records, materials.first, materials.bytes
+        layout = Layout(
+            self.kind, self.wide, origin, id_bytes_of(self.count), materials.bytes, materials.first
         )
+        records = self.vertices if self.kind.counted else self.count
+        return GivenFiles(self._folder, layout, self.count, records)
 
     def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
         """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""

@@ -192,7 +192,7 @@ def test_the_room_on_disk_is_told_beforehand(tmp_path, monkeypatch, shape):
 
     def measured(self, data, **how):
         real(self, data, **how)
-        if next(calls) % 16 == 0 and needed[0]:
+        if next(calls) % 48 == 0 and needed[0]:
             peak[0] = max(peak[0], on_disk(tmp_path))
 
     monkeypatch.setattr(FileWriter, "write", measured)

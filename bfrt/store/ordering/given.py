@@ -28,20 +28,16 @@ class GivenFiles(NamedTuple):
         Number of them.
     records : int
         Objects again, or vertices of polygons.
-    material, material_bytes : int
-        The material of all, where no file of materials is there; bytes of one in that file.
     """
 
     folder: Path
     layout: Layout
     objects: int
     records: int
-    material: int
-    material_bytes: int
 
     def room(self, local: bool) -> Room:
         """Work out the room on disk of its ordering."""
-        return room_of(self.layout, Amount(self.objects, self.records, self.material_bytes, local))
+        return room_of(self.layout, Amount(self.objects, self.records, local))
 
     def blocks(self) -> Iterator[Objects]:
         """Yield all objects, in the order given."""
@@ -50,7 +46,7 @@ class GivenFiles(NamedTuple):
             offsets = materials = None
             if self.layout.kind.counted:
                 offsets = _Column(stack, self.folder / "offsets")
-            if self.material_bytes:
+            if self.layout.material_bytes:
                 materials = _Column(stack, self.folder / "materials")
             done = vertices = 0
             while done < self.objects:
@@ -61,11 +57,10 @@ class GivenFiles(NamedTuple):
                     ends = offsets.read(n, OFFSET_BYTES).view("<u4").astype(np.int64)
                     counts = np.diff(ends, prepend=vertices).astype(np.uint32)
                     records, vertices = int(ends[-1]) - vertices, int(ends[-1])
-                if materials is None:
-                    indices = np.full(n, self.material, np.uint32)
-                else:
-                    raw = materials.read(n, self.material_bytes)
-                    indices = raw.view(f"<u{self.material_bytes}").astype(np.uint32)
+                raw = None
+                if materials is not None:
+                    raw = materials.read(n, self.layout.material_bytes)
+                indices = self.layout.materials(n, raw)
                 ids = np.arange(done, done + n, dtype=np.uint64)
                 yield Objects(geometry.read(records, self.layout.stride), counts, indices, ids)
                 done += n

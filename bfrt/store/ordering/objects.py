@@ -38,16 +38,31 @@ class Layout(NamedTuple):
         Whether coordinates are float64.
     origin : tuple of 3 float
         The store's.
+    id_bytes : int
+        Bytes of an object's id on disk, 4 or 8.
+    material_bytes : int
+        Bytes of its material, 1, 2 or 4; 0 where all have one.
+    material : int
+        The material that all have then.
     """
 
     kind: Kind
     wide: bool
     origin: Vector
+    id_bytes: int = 8
+    material_bytes: int = 4
+    material: int = 0
 
     @property
     def stride(self) -> int:
         """Return the bytes of a record; for polygons, of a vertex."""
         return self.kind.scalars * (8 if self.wide else 4)
+
+    def materials(self, count: int, stored: Bytes | None) -> NDArray[np.uint32]:
+        """Return the materials of some objects, as they are stored or, if they are not, all one."""
+        if stored is None:
+            return np.full(count, self.material, np.uint32)
+        return stored.view(f"<u{self.material_bytes}").astype(np.uint32)
 
 
 class Objects(NamedTuple):

@@ -144,6 +144,11 @@ def weights_of(some: Objects, layout: Layout) -> Weights:
 
 def _placed(source: Source, means: Means) -> Generator[Placed, None, None]:
     """Yield all objects with their cells."""
+    return ahead(_placing(source), source.blocks(), means.threads)
+
+
+def _placing(source: Source) -> Callable[[Objects], Placed]:
+    """Return what finds the cells of objects, for any thread."""
     lo = source.around.lo
     scale = np.full(3, (1 << CELL_BITS) / float((source.around.hi - lo).max()))
 
@@ -153,7 +158,7 @@ def _placed(source: Source, means: Means) -> Generator[Placed, None, None]:
         codes_of(boxes, lo, scale, CELL_BITS, codes)
         return Placed(some, codes.astype(np.int64), 0.5 * boxes[:, :3] + 0.5 * boxes[:, 3:])
 
-    return ahead(place, source.blocks(), means.threads)
+    return place
 
 
 def _picked(source: Source, wanted: NDArray[np.bool_], means: Means) -> Iterator[Objects]:
@@ -198,19 +203,26 @@ def _fill(
     means: Means,
 ) -> dict[int, Bounds]:  # fmt: skip
     """Bring all objects to their regions; return the bounds of the centers of heavy parts."""
-    wanted = set(np.flatnonzero(regions.objects).tolist())
-    around = dict.fromkeys(np.flatnonzero(heavy).tolist(), NOTHING)
-    for some in _placed(source, means):
-        parts = part_of[some.cells]
+    place = _placing(source)
+
+    def part(some: Objects) -> tuple[Objects, Weights, dict[int, Bounds]]:
+        """Sort objects by their parts; return where each part ends, and bounds of heavy ones."""
+        placed = place(some)
+        parts = part_of[placed.cells]
         order = np.argsort(parts.astype(np.uint16), kind="stable").astype(np.uint32)
-        taken = some.objects.taken(order, source.layout)
         ends = np.cumsum(np.bincount(parts, minlength=len(heavy)))
-        for part in np.unique(parts).tolist():
-            first, last = int(ends[part - 1]) if part else 0, int(ends[part])
-            if part in wanted:
-                regions.append(part, taken.between(first, last, source.layout))
-            if heavy[part]:
-                own = some.centers[order[first:last]]
-                own = own[np.isfinite(own[:, 0])]  # of an empty box there is none
-                around[part] = around[part].union(bounds_of(np.hstack([own, own])))
+        bounds = {}
+        for k in np.flatnonzero(heavy).tolist():
+            own = placed.centers[order[ends[k - 1] if k else 0 : ends[k]]]
+            own = own[np.isfinite(own[:, 0])]  # of an empty box there is none
+            bounds[k] = bounds_of(np.hstack([own, own]))
+        return some.taken(order, source.layout), ends, bounds
+
+    around = dict.fromkeys(np.flatnonzero(heavy).tolist(), NOTHING)
+    for taken, ends, bounds in ahead(part, source.blocks(), means.threads):
+        begins = np.concatenate([[0], ends[:-1]])
+        for k in np.flatnonzero((ends > begins) & (regions.objects > 0)).tolist():
+            own = taken.between(int(begins[k]), int(ends[k]), source.layout)
+            regions.append(k, own)
+        around = {k: box.union(bounds[k]) for k, box in around.items()}
     return around

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.records import Kind
 from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects
 from bfrt.streams.atomic_write import nameless, refused
 from bfrt.streams.free import check_free
@@ -19,13 +18,20 @@ from bfrt.streams.writer import view_of
 
 Sizes = NDArray[np.int64]
 
-#: Bytes of an object beside its geometry: its vertices' number, for polygons; material; id.
-COUNT_BYTES, MATERIAL_BYTES, ID_BYTES = 4, 4, 8
+NO_BYTES = np.empty(0, np.uint8)
+
+#: Bytes of the number of a polygon's vertices.
+COUNT_BYTES = 4
 
 
-def object_bytes(kind: Kind, count: int) -> int:
-    """Return the bytes of one of `count` objects beside its geometry."""
-    return (COUNT_BYTES if kind.counted else 0) + MATERIAL_BYTES + ID_BYTES
+def object_bytes(layout: Layout) -> int:
+    """Return the bytes of an object beside its geometry: vertices' number, material, id."""
+    return sum(_widths(layout))
+
+
+def _widths(layout: Layout) -> tuple[int, int, int]:
+    counted = COUNT_BYTES if layout.kind.counted else 0
+    return counted, layout.material_bytes, layout.id_bytes
 
 
 class Regions:
@@ -53,11 +59,8 @@ class Regions:
         self._layout = layout
         self.objects = objects
         self._path = scratch / "parts"
-        counted = COUNT_BYTES if layout.kind.counted else 0
-        sizes = np.stack(
-            [records * layout.stride, objects * counted, objects * MATERIAL_BYTES,
-             objects * ID_BYTES], 1,
-        )  # fmt: skip
+        columns = [records * layout.stride, *(objects * width for width in _widths(layout))]
+        sizes = np.stack(columns, 1)
         ends = np.cumsum(sizes).reshape(sizes.shape)
         self._begins = ends - sizes
         self._at = self._begins.copy()
@@ -68,7 +71,13 @@ class Regions:
     def append(self, region: int, some: Objects) -> None:
         """Add objects to a region."""
         at = self._at[region]
-        columns: list[NDArray[Any]] = [some.geometry, some.counts, some.materials, some.ids]
+        layout = self._layout
+        columns: list[NDArray[Any]] = [some.geometry, some.counts]
+        if layout.material_bytes:
+            columns.append(some.materials.astype(f"<u{layout.material_bytes}", copy=False))
+        else:
+            columns.append(NO_BYTES)
+        columns.append(some.ids.astype(f"<u{layout.id_bytes}", copy=False))
         for k, column in enumerate(columns):
             data = view_of(column)
             done = 0
@@ -84,19 +93,22 @@ class Regions:
 
         def blocks() -> Iterator[Objects]:
             at = self._begins[region].copy()
-            left = int(self._at[region, 2] - at[2]) // MATERIAL_BYTES
+            layout = self._layout
+            left = int(self._at[region, 3] - at[3]) // layout.id_bytes
             while left:
                 n = min(left, OBJECTS_AT_ONCE)
                 counts = np.empty(0, np.uint32)
                 records = n
-                if self._layout.kind.counted:
+                if layout.kind.counted:
                     counts = self._read(at, 1, n * COUNT_BYTES).view(np.uint32)
                     records = int(counts.sum(dtype=np.int64))
+                geometry = self._read(at, 0, records * layout.stride)
+                materials = None
+                if layout.material_bytes:
+                    materials = self._read(at, 2, n * layout.material_bytes)
+                ids = self._read(at, 3, n * layout.id_bytes).view(f"<u{layout.id_bytes}")
                 yield Objects(
-                    self._read(at, 0, records * self._layout.stride),
-                    counts,
-                    self._read(at, 2, n * MATERIAL_BYTES).view(np.uint32),
-                    self._read(at, 3, n * ID_BYTES).view(np.uint64),
+                    geometry, counts, layout.materials(n, materials), ids.astype(np.uint64)
                 )
                 left -= n
 

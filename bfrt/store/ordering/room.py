@@ -21,7 +21,7 @@ from bfrt.records import (
     PARENT_BYTES,
     TREELET_BYTES,
 )
-from bfrt.store.ordering.objects import Layout, id_bytes_of
+from bfrt.store.ordering.objects import Layout
 from bfrt.store.ordering.regions import object_bytes
 
 #: Objects of a node, a treelet and a box of the hierarchy, at the least that is usual: of a node
@@ -42,15 +42,12 @@ class Amount(NamedTuple):
     objects : int
     records : int
         Objects again, or vertices of polygons.
-    material_bytes : int
-        Of each object.
     local : bool
         Whether its order is local, so that objects are not parted.
     """
 
     objects: int
     records: int
-    material_bytes: int
     local: bool
 
 
@@ -75,13 +72,13 @@ class Room(NamedTuple):
 def room_of(layout: Layout, amount: Amount) -> Room:
     """Work out the room of a stream."""
     kind, n = layout.kind, amount.objects
-    same = amount.records * layout.stride + n * amount.material_bytes
+    same = amount.records * layout.stride + n * layout.material_bytes
     same += n * OFFSET_BYTES if kind.counted else 0
     boxes = n * BOX_BYTES
-    parts = 0 if amount.local else amount.records * layout.stride + n * object_bytes(kind, n)
+    parts = 0 if amount.local else amount.records * layout.stride + n * object_bytes(layout)
     tree = n // OBJECTS_A_NODE * NODE_BYTES + n // OBJECTS_A_TREELET * TREELET_BYTES
     levels = n // OBJECTS_A_PARENT * PARENT_BYTES
-    ordered = same + n * id_bytes_of(n) + tree + levels + LEAST_BYTES
+    ordered = same + n * layout.id_bytes + tree + levels + LEAST_BYTES
     ordered += boxes if kind.counted else 0
     return Room(same + (boxes if kind.boxed else 0), 2 * parts, ordered)
 
