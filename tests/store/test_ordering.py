@@ -33,6 +33,7 @@ def small_windows():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("bfrt.store.ordering.given.OBJECTS_AT_ONCE", 16)
         patch.setattr("bfrt.store.ordering.regions.OBJECTS_AT_ONCE", 16)
+        patch.setattr("bfrt.store.ordering.objects.VERTICES_AT_ONCE", 24)
         patch.setattr("bfrt.store.ordering.order.WINDOW", 40)
         patch.setattr("bfrt.store.locality.TOGETHER", 16)
         yield

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
-from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
 from bfrt.store.ordering.room import Amount, Room, room_of
 from bfrt.streams.atomic_write import refused
 
@@ -49,14 +49,19 @@ class GivenFiles(NamedTuple):
             if self.layout.material_bytes:
                 materials = _Column(stack, self.folder / "materials")
             done = vertices = 0
+            ahead = np.empty(0, np.uint32)  # the counts of polygons that come next
             while done < self.objects:
-                n = min(OBJECTS_AT_ONCE, self.objects - done)
-                counts = np.empty(0, np.uint32)
-                records = n
+                records = n = min(OBJECTS_AT_ONCE, self.objects - done)
                 if offsets is not None:
-                    ends = offsets.read(n, OFFSET_BYTES).view("<u4").astype(np.int64)
-                    counts = np.diff(ends, prepend=vertices).astype(np.uint32)
-                    records, vertices = int(ends[-1]) - vertices, int(ends[-1])
+                    if not len(ahead):
+                        ends = offsets.read(n, OFFSET_BYTES).view("<u4").astype(np.int64)
+                        ahead = np.diff(ends, prepend=vertices).astype(np.uint32)
+                    n = few_at_once(ahead)
+                    counts, ahead = ahead[:n], ahead[n:]
+                    records = int(counts.sum(dtype=np.int64))
+                    vertices += records
+                else:
+                    counts = ahead
                 raw = None
                 if materials is not None:
                     raw = materials.read(n, self.layout.material_bytes)

@@ -19,6 +19,9 @@ Bytes = NDArray[np.uint8]
 #: Objects that are read at once.
 OBJECTS_AT_ONCE = 1 << 16
 
+#: Vertices of polygons that are read at once, unless one polygon has more.
+VERTICES_AT_ONCE = 1 << 18
+
 #: Ids below this take four bytes each, others eight.
 SHORT_IDS = 1 << 32
 
@@ -121,6 +124,12 @@ class Objects(NamedTuple):
             begin, end, counts = first, last, self.counts
         geometry = self.geometry[begin * layout.stride : end * layout.stride]
         return Objects(geometry, counts, self.materials[first:last], self.ids[first:last])
+
+
+def few_at_once(counts: NDArray[np.uint32]) -> int:
+    """Return how many of the next polygons, one or more, are read at once."""
+    ends = np.cumsum(counts, dtype=np.int64)
+    return max(1, int(np.searchsorted(ends, VERTICES_AT_ONCE, "right")))
 
 
 def joined(some: Sequence[Objects]) -> Objects:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
 from bfrt.streams.atomic_write import nameless, refused
 from bfrt.streams.free import check_free
 from bfrt.streams.writer import view_of
@@ -95,13 +95,17 @@ class Regions:
             at = self._begins[region].copy()
             layout = self._layout
             left = int(self._at[region, 3] - at[3]) // layout.id_bytes
+            ahead = np.empty(0, np.uint32)  # the counts of polygons that come next
             while left:
-                n = min(left, OBJECTS_AT_ONCE)
-                counts = np.empty(0, np.uint32)
-                records = n
+                records = n = min(left, OBJECTS_AT_ONCE)
                 if layout.kind.counted:
-                    counts = self._read(at, 1, n * COUNT_BYTES).view(np.uint32)
+                    if not len(ahead):
+                        ahead = self._read(at, 1, n * COUNT_BYTES).view(np.uint32)
+                    n = few_at_once(ahead)
+                    counts, ahead = ahead[:n], ahead[n:]
                     records = int(counts.sum(dtype=np.int64))
+                else:
+                    counts = ahead
                 geometry = self._read(at, 0, records * layout.stride)
                 materials = None
                 if layout.material_bytes:
