@@ -49,7 +49,9 @@ def rings(tmp_path):
 @pytest.fixture
 def store(tmp_path):
     """20,000 triangles, all of them in a unit cube."""
-    with bfrt.SceneWriter(tmp_path / "b.bfrt", hierarchy=Hierarchy(bits=8), order="given") as writer:
+    with bfrt.SceneWriter(
+        tmp_path / "b.bfrt", hierarchy=Hierarchy(bits=8), order="given"
+    ) as writer:
         writer.triangles(np.random.default_rng(1).random((20_000, 3, 3), np.float32))
     return open_store(tmp_path / "b.bfrt")
 
