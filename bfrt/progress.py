@@ -1,4 +1,4 @@
-"""Progress of a render or a query: reported to a caller, or shown as a bar."""
+"""Progress of a render, a query or a conversion: reported to a caller, or shown as a bar."""
 
 from __future__ import annotations
 
@@ -41,6 +41,93 @@ class Progress(NamedTuple):
 Report = Callable[[Progress], object]
 
 
+class Done(int):
+    """Tells how far a conversion is: a number, of the stage that it is at.
+
+    Parameters
+    ----------
+    count : int
+        What is done.
+    stage : {"reading", "writing", "ordering"}
+        Bytes of files are read, objects of a standard scene are written; then, of a store in
+        spatial order, objects are brought into order.
+    total : int, optional
+        The whole stage, as far as that is known.
+
+    Attributes
+    ----------
+    stage, total
+        As given.
+    """
+
+    stage: str
+    total: int | None
+
+    def __new__(cls, count: int, stage: str, total: int | None = None) -> Done:
+        made = super().__new__(cls, count)
+        made.stage, made.total = stage, total
+        return made
+
+
+#: Called as a conversion goes on; returning False cancels.
+DoneReport = Callable[[Done], object]
+
+
+def is_no(answer: object) -> bool:
+    """Tell whether a report returned False, Python's or NumPy's."""
+    return isinstance(answer, (bool, np.bool_)) and not answer
+
+
+def staged(
+    report: Callable[[Any], object] | None, stage: str, total: int | None
+) -> Callable[[int], None] | None:
+    """Return what takes the counts of one stage, and raises `Cancelled` where a report says so."""
+    if report is None:
+        return None
+
+    def tell_count(count: int) -> None:
+        if is_no(report(Done(count, stage, total))):
+            of = "" if total is None else f" of {total}"
+            what = "bytes" if stage == "reading" else "objects"
+            raise Cancelled(f"cancelled while {stage}, with {count}{of} {what} done")
+
+    return tell_count
+
+
+class Passes:
+    """Counts objects that go through several passes each, stream after stream.
+
+    An object that has been through one of three passes counts as a third.
+
+    Parameters
+    ----------
+    report : callable, optional
+        Takes the number of objects that are through.
+    """
+
+    def __init__(self, report: Callable[[int], object] | None = None) -> None:
+        self._report = report
+        self._before = self._count = self._gone = 0
+        self._passes = 1
+
+    def begin(self, count: int, passes: int) -> None:
+        """Begin a stream of `count` objects."""
+        self._count, self._passes, self._gone = count, passes, 0
+        self.add(0)
+
+    def add(self, objects: int) -> None:
+        """Count objects that have been through another pass."""
+        self._gone += objects
+        if self._report is not None:
+            self._report(self._before + min(self._count, self._gone // self._passes))
+
+    def end(self) -> None:
+        """Count the stream as through."""
+        self._before += self._count
+        self._count = self._gone = 0
+        self.add(0)
+
+
 def tell(report: Report, progress: Progress) -> None:
     """Report progress.
 
@@ -49,8 +136,7 @@ def tell(report: Report, progress: Progress) -> None:
     Cancelled
         If the report returns False.
     """
-    goes_on = report(progress)
-    if isinstance(goes_on, (bool, np.bool_)) and not goes_on:
+    if is_no(report(progress)):
         raise Cancelled(
             f"cancelled at depth {progress.depth}, with {progress.done} of {progress.total} rays "
             "finished"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Protocol, TypeVar
 
@@ -159,7 +159,9 @@ class Workers:
 WAITING = 2
 
 
-def ahead(make: Callable[[Given], Made], given: Iterable[Given], threads: int) -> Iterator[Made]:
+def ahead(
+    make: Callable[[Given], Made], given: Iterable[Given], threads: int
+) -> Generator[Made, None, None]:
     """Yield ``map(make, given)`` in order, with `threads` threads that work ahead.
 
     Raises

@@ -39,7 +39,7 @@ def convert(path: Path, **settings: Any) -> Store:
 
 
 def objects_of(store: Store) -> list[Object]:
-    """All objects of a store, kind by kind."""
+    """All objects of a store, kind by kind, in the order given."""
     palette = store.materials().view("<f4").reshape(-1, 8)
     found = []
     for stream in store.streams:
@@ -57,9 +57,14 @@ def objects_of(store: Store) -> list[Object]:
             materials = np.fromfile(stream.path("materials"), f"<u{stream.material_bytes}")
         else:
             materials = np.full(stream.count, stream.material)
-        for start, end, material in zip([0, *ends], ends, materials, strict=False):
+        ids = range(stream.count)
+        if stream.ordered:
+            ids = np.fromfile(stream.path("ids"), f"<u{stream.id_bytes}").tolist()
+        own = {}
+        for start, end, material, id in zip([0, *ends], ends, materials, ids, strict=False):
             shape = tuple(map(tuple, rows[start:end].tolist()))
-            found.append(Object(shape, tuple(palette[material].tolist())))
+            own[id] = Object(shape, tuple(palette[material].tolist()))
+        found += [own[id] for id in range(stream.count)]
     return found
 
 

@@ -29,7 +29,7 @@ def glass(tmp_path_factory):
     """Mirrors and glass, two lights."""
     path = tmp_path_factory.mktemp("scenes") / "glass.bfrt"
     rng = np.random.default_rng(5)
-    with bfrt.SceneWriter(path) as writer:
+    with bfrt.SceneWriter(path, order="given") as writer:
         writer.camera(bfrt.Camera((0, -6, 1), (0, 0, 0), resolution=(80, 60)))
         writer.light(bfrt.Light((4, -5, 6)))
         writer.light(bfrt.Light((-3, -4, 2)))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from typing import Any
 
-from bfrt.spd.recipe import SpdScene
+from bfrt.progress import Done, DoneReport
 
 
 def wants_bar(quiet: bool) -> bool:
@@ -22,27 +22,43 @@ def wants_bar(quiet: bool) -> bool:
 
 
 @contextmanager
-def reading_bar(*sources: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """Yield a reporter of the bytes read from input files, shown as a bar."""
-    total = sum(path.stat().st_size for path in map(Path, sources) if path.is_file())
-    with bar(total, "B", "convert", quiet or not total) as progress:
-        yield progress
-
-
-@contextmanager
-def making_bar(scene: SpdScene, what: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """Yield a reporter of the objects made of a scene, shown as a bar with their rate."""
-    with bar(scene.objects, " objects", what, quiet) as progress:
-        yield progress
-
-
-@contextmanager
-def bar(total: int, unit: str, what: str, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """Yield a reporter that a bar shows, or None where no bar is wanted."""
+def bars(what: str, quiet: bool) -> Iterator[DoneReport | None]:
+    """Yield a reporter that shows a bar for each stage, or None where no bar is wanted."""
     if not wants_bar(quiet):
         yield None
         return
-    from tqdm import tqdm
+    with closing(StageBars(what)) as shown:
+        yield shown.show
 
-    with tqdm(total=total, unit=unit, unit_scale=True, desc=what) as shown:
-        yield lambda done: shown.update(done - shown.n) and None
+
+class StageBars:
+    """Shows a tqdm bar for each stage of a conversion.
+
+    Parameters
+    ----------
+    what : str
+        What the stages but the ordering are called.
+    """
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._stage = ""
+        self._bar: Any = None
+
+    def show(self, done: Done) -> None:
+        from tqdm import tqdm
+
+        if done.stage != self._stage:
+            self.close()
+            self._stage = done.stage
+            self._bar = tqdm(
+                total=done.total,
+                desc="order" if done.stage == "ordering" else self._what,
+                unit="B" if done.stage == "reading" else " objects",
+                unit_scale=True,
+            )
+        self._bar.update(done - self._bar.n)
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()

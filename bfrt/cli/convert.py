@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from bfrt.cli.bars import reading_bar
-from bfrt.cli.options import add_hierarchy, add_reading, command, hierarchy_of
+from bfrt.cli.bars import bars
+from bfrt.cli.options import add_hierarchy, add_order, add_reading, command, hierarchy_of
 from bfrt.conversion.convert import convert
 from bfrt.conversion.sources import READERS
 from bfrt.scene import PathLike, Scene
+from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
 
 
@@ -23,12 +24,13 @@ def add_convert(commands: Any) -> None:
     made.add_argument("-o", "--output", required=True, help="the store to make (X.bfrt)")
     made.add_argument("--memory", help="budget of the whole process (default: a quarter)")
     made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
+    add_order(made, "auto")
     add_hierarchy(made)
     add_reading(made)
 
 
 def run_convert(options: argparse.Namespace) -> None:
-    convert_input(options, options.output, hierarchy_of(options))
+    convert_input(options, options.output, hierarchy_of(options), order=options.order)
 
 
 def convert_input(
@@ -36,16 +38,18 @@ def convert_input(
     target: PathLike,
     hierarchy: Hierarchy | None = None,
     *,
+    order: Order = "auto",
     durable: bool = True,
 ) -> Scene:
     """Convert what the command line names as input, with its settings, under a progress bar."""
     sources = [options.input] if isinstance(options.input, str) else options.input
-    with reading_bar(*sources, quiet=options.quiet) as progress:
+    with bars("convert", options.quiet) as progress:
         return convert(
             sources,
             target,
             dtype=options.dtype,
             hierarchy=hierarchy,
+            order=order,
             memory=options.memory,
             scratch=options.scratch,
             radius=options.radius,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
+from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
 
 #: Settings of a conversion, which files use and stores have no use for.
@@ -69,6 +70,14 @@ def number_or_name(text: str) -> float | str:
         return float(text)
     except ValueError:
         return text
+
+
+def add_order(made: argparse.ArgumentParser, default: str) -> None:
+    made.add_argument(
+        "--order", choices=get_args(Order), default=default,
+        help="in which objects are stored: as they are given, or in spatial order, in treelets, "
+        f"for --refine tree; auto is spatial (default: {default})",
+    )  # fmt: skip
 
 
 def add_hierarchy(made: argparse.ArgumentParser) -> None:

@@ -8,8 +8,8 @@ import sys
 from typing import Any
 
 import bfrt
-from bfrt.cli.bars import making_bar
-from bfrt.cli.options import add_hierarchy, command, hierarchy_of
+from bfrt.cli.bars import bars
+from bfrt.cli.options import add_hierarchy, add_order, command, hierarchy_of
 from bfrt.conversion.sources import parse_spd
 from bfrt.errors import SettingError, StreamError
 from bfrt.process import say
@@ -29,6 +29,7 @@ def add_spd(commands: Any) -> None:
         "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
     )
     made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    add_order(made, "given")
     add_hierarchy(made)
 
 
@@ -45,16 +46,17 @@ def run_spd(options: argparse.Namespace) -> None:
         with (
             atomic_path(options.nff) as path,
             path.open("w") as file,
-            making_bar(scene, "text", options.quiet) as progress,
+            bars("text", options.quiet) as progress,
         ):
             scene.write_nff(file, threads=threads, progress=progress)
     if options.output is not None:
         if not options.quiet:
             say(f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes")
-        with making_bar(scene, "store", options.quiet) as progress:
+        with bars("store", options.quiet) as progress:
             scene.write(
                 options.output,
                 hierarchy=hierarchy_of(options, scene.hierarchy),
+                order=options.order,
                 threads=threads,
                 progress=progress,
             )

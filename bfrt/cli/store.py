@@ -8,7 +8,7 @@ from typing import Any
 
 from bfrt.cli.options import command
 from bfrt.scene import open_scene
-from bfrt.store.store import Store, bounds_to, open_store
+from bfrt.store.store import Store, Stream, bounds_to, open_store
 
 
 def add_info(commands: Any) -> None:
@@ -52,11 +52,21 @@ def describe(store: Store) -> dict[str, Any]:
                 "degenerate": stream.degenerate,
                 "levels": list(stream.levels),
                 "dtype": "float64" if stream.wide else "float32",
+                "order": "spatial" if stream.ordered else "given",
+                "treelets": stream.treelets,
+                "nodes_bytes": bytes_of(stream, "nodes"),
+                "ids_bytes": bytes_of(stream, "ids"),
                 "bytes": sum(facts.bytes for facts in stream.files.values()),
             }
             for stream in store.streams
         ],
     }
+
+
+def bytes_of(stream: Stream, name: str) -> int:
+    """Return the bytes of one of a stream's files; 0 where it has none."""
+    facts = stream.files.get(name)
+    return 0 if facts is None else facts.bytes
 
 
 def add_verify(commands: Any) -> None:

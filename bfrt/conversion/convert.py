@@ -22,8 +22,10 @@ from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
+from bfrt.progress import DoneReport, staged
 from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
+from bfrt.store.group import Order, checked_order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.workers import usable_threads
 
@@ -48,6 +50,8 @@ class Conversion:
         The type that geometry is stored as; None keeps the files' own.
     hierarchy : Hierarchy, optional
         Settings of the box hierarchy, if others than the first source's are asked for.
+    order : {"given", "spatial", "auto"}
+        The order in which objects are stored.
     durable : bool
         Whether the store outlives a loss of power.
     """
@@ -58,6 +62,7 @@ class Conversion:
     memory: int
     dtype: Any
     hierarchy: Hierarchy | None
+    order: Order
     durable: bool
 
     @property
@@ -84,6 +89,7 @@ def convert(
     *,
     dtype: Any = None,
     hierarchy: Hierarchy | None = None,
+    order: Order = "auto",
     memory: str | int | None = None,
     scratch: PathLike | None = None,
     radius: float | str | None = None,
@@ -94,7 +100,7 @@ def convert(
     skip_invalid: bool = False,
     triangulate: bool = False,
     polygons: bool = False,
-    progress: Report | None = None,
+    progress: DoneReport | None = None,
     durable: bool = True,
 ) -> Scene:
     """Convert scene files to a scene store, streaming.
@@ -116,6 +122,11 @@ def convert(
     hierarchy : Hierarchy, optional
         Settings of the box hierarchy. By default `Hierarchy`'s, and for a standard scene the
         paper's settings for that scene.
+    order : {"auto", "given", "spatial"}
+        The order in which objects are stored: as they are given; spatial, in treelets, for
+        ``refine="tree"``; or auto, which is spatial, since that costs little (docs/tree.rst). Ids
+        count in the order given, always. Objects are brought into order when all are read: until
+        that is done the disk needs up to three times the store's bytes.
     memory : str or int, optional
         The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
         machine's memory, or of its cgroup's limit. The least depends on the files: 53 MiB for small
@@ -145,7 +156,10 @@ def convert(
     polygons : bool
         Store all faces of more than three corners as polygons, each in the plane that fits it.
     progress : callable, optional
-        Called with the number of bytes read so far, of all files.
+        Called with the number of bytes read so far, of all files; and after that, of a store in
+        spatial order, with the number of objects that are in order. The number is a
+        `bfrt.progress.Done`, which tells the stage, "reading" or "ordering", and the total.
+        Returning False cancels.
     durable : bool
         Whether the store outlives a loss of power; not needed for one that is soon removed.
 
@@ -165,7 +179,10 @@ def convert(
         If no reader knows a file's suffix, a setting does not fit the file, or no file uses it.
     DiskFullError, StreamError
         If the system refuses a read or a write; nothing is left behind.
+    Cancelled
+        If `progress` returned False; nothing is left behind.
     """
+    order = checked_order(order)
     sources = sources_of(source)
     reading = Reading(
         radius=radius,
@@ -180,16 +197,17 @@ def convert(
         uses=Uses(len(sources)),
     )
     budget = default_memory() if memory is None else parse_memory(memory)
-    conversion = Conversion(sources, target, reading, budget, dtype, hierarchy, durable)
+    conversion = Conversion(sources, target, reading, budget, dtype, hierarchy, order, durable)
     scene = write_scene(conversion, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
 
 
-def write_scene(conversion: Conversion, progress: Report | None) -> Scene:
+def write_scene(conversion: Conversion, progress: DoneReport | None) -> Scene:
     """Write the sources one after the other, each into its group."""
     rooms = rooms_of(conversion)
+    report = staged(progress, "reading", bytes_of(conversion.sources) or None)
     with open_writer(conversion) as writer:
         if conversion.first_scene is not None:
             writer.expect(conversion.first_scene.counts, conversion.first_scene.surface)
@@ -200,9 +218,9 @@ def write_scene(conversion: Conversion, progress: Report | None) -> Scene:
                 source.scene.feed(sink, usable_threads())
             else:
                 reading = replace(conversion.reading, room=room)
-                read_file(source, sink, reading, after(progress, conversion.sources[:group]))
+                read_file(source, sink, reading, after(report, conversion.sources[:group]))
         with complaints_of(conversion.names):
-            return writer.close()
+            return Scene(writer.complete(progress))
 
 
 def rooms_of(conversion: Conversion) -> list[int]:
@@ -230,6 +248,7 @@ def open_writer(conversion: Conversion) -> SceneWriter:
         dtype="float32" if conversion.is_plain and conversion.dtype is None else conversion.dtype,
         origin=(0.0, 0.0, 0.0) if conversion.is_plain else None,
         hierarchy=conversion.hierarchy or (first.hierarchy if first is not None else None),
+        order=conversion.order,
         durable=conversion.durable,
     )
 
@@ -244,9 +263,14 @@ def after(progress: Report | None, sources: Sequence[SceneSource]) -> Report | N
     """Return a reporter that counts some files as read already."""
     if progress is None:
         return None
-    paths = [Path(source.name) for source in sources]
-    read = sum(path.stat().st_size for path in paths if path.is_file())
+    read = bytes_of(sources)
     return lambda done: progress(read + done)
+
+
+def bytes_of(sources: Sequence[SceneSource]) -> int:
+    """Return the bytes of those sources that are files."""
+    paths = [Path(source.name) for source in sources]
+    return sum(path.stat().st_size for path in paths if path.is_file())
 
 
 @contextmanager

@@ -8,11 +8,9 @@ the package computes them before it prints six digits; a store keeps them as flo
 from __future__ import annotations
 
 import abc
-import errno
 import math
 import operator
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,16 +18,20 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from bfrt.errors import Cancelled, DiskFullError, SettingError
+from bfrt.errors import Cancelled, SettingError
+from bfrt.progress import DoneReport, is_no, staged
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
 from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Scalar, Task
 from bfrt.spd.nff import BlockText, block_text, fill_text, head_text
 from bfrt.store.columns import prepare
 from bfrt.store.extent import Extent
+from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
-from bfrt.streams.atomic_write import refused
+from bfrt.store.ordering.objects import Layout, id_bytes_of
+from bfrt.store.ordering.room import Amount, room_beside, room_of
+from bfrt.streams.free import check_free
 from bfrt.workers import ahead, usable_threads
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -134,7 +136,7 @@ class SpdScene(abc.ABC):
     @property
     def store_bytes(self) -> int:
         """Return the most bytes of its store, without header and hierarchy, before it is made."""
-        width = 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
+        width = self._material_bytes
         total = len(self.materials) * MATERIAL_BYTES
         for kind, count in self.counts.items():
             records = self.vertices if kind.counted else count
@@ -148,6 +150,23 @@ class SpdScene(abc.ABC):
         """Return the most bytes of its hierarchy: a twentieth of the store, and quantised boxes."""
         boxed = sum(count for kind, count in self.counts.items() if kind.boxed)
         return self.store_bytes // 20 + boxed * CODE_BYTES
+
+    def room(self, order: Order) -> int:
+        """Return the most bytes on disk that it takes to write the store in an order."""
+        stored = self.store_bytes + self.hierarchy_bytes
+        if order == "given":
+            return stored
+        rooms = []
+        for kind, count in sorted(self.counts.items()):
+            records = self.vertices if kind.counted else count
+            layout = Layout(kind, False, ORIGIN, id_bytes_of(count), self._material_bytes)
+            rooms.append(room_of(layout, Amount(count, records, local=False)))
+        return stored + room_beside(rooms)
+
+    @property
+    def _material_bytes(self) -> int:
+        """Return the bytes of an object's material."""
+        return 0 if len(self.materials) == 1 else 1 if len(self.materials) <= 256 else 2
 
     def blocks(self, limit: int = BLOCK_OBJECTS, dtype: Scalar = np.float64) -> Iterator[Block]:
         """Yield the objects, block by block, in the package's order."""
@@ -180,7 +199,7 @@ class SpdScene(abc.ABC):
             for block in prepared:
                 sink.add(block)
             done += objects
-            if progress is not None and progress(done) is False:
+            if progress is not None and is_no(progress(done)):
                 raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
 
     def write(
@@ -188,8 +207,9 @@ class SpdScene(abc.ABC):
         path: str | os.PathLike[str],
         *,
         hierarchy: Hierarchy | None = None,
+        order: Order = "given",
         threads: int | None = None,
-        progress: Report | None = None,
+        progress: DoneReport | None = None,
     ) -> Scene:
         """Write the scene as a scene store, with float32 geometry.
 
@@ -199,10 +219,15 @@ class SpdScene(abc.ABC):
             The store to make.
         hierarchy : Hierarchy, optional
             Settings of the box hierarchy. By default the paper's for this scene.
+        order : {"given", "spatial", "auto"}
+            The order in which objects are stored; by default the package's, as in the paper. The
+            other two are as for `bfrt.convert`.
         threads : int, optional
             Threads that make blocks. By default all cores that this process may use.
         progress : callable, optional
-            Called with the number of objects written so far; returning False cancels.
+            Called with the number of objects written so far, and after that, of a store in
+            spatial order, with the number that are in order: a `bfrt.progress.Done`, which tells
+            the stage, "writing" or "ordering", and the total. Returning False cancels.
 
         Returns
         -------
@@ -219,16 +244,19 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
-        check_room(path, self.store_bytes + self.hierarchy_bytes)
+        check_free(Path(os.path.realpath(path)).parent, self.room(order), "writing")
         with SceneWriter(
-            path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy
-        ) as writer:
+            path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy,
+            order=order,
+        ) as writer:  # fmt: skip
             writer.expect(self.counts, self.surface)
-            self.feed(writer, usable_threads() if threads is None else threads, progress)
+            report = staged(progress, "writing", self.objects)
+            self.feed(writer, usable_threads() if threads is None else threads, report)
+            writer.complete(progress)
         return open_scene(path)
 
     def write_nff(
-        self, file: TextFile, *, threads: int | None = None, progress: Report | None = None
+        self, file: TextFile, *, threads: int | None = None, progress: DoneReport | None = None
     ) -> None:
         """Write the scene as NFF text, as the package does.
 
@@ -252,6 +280,7 @@ class SpdScene(abc.ABC):
 
         current, done = -1, 0
         count = usable_threads() if threads is None else threads
+        report = staged(progress, "writing", self.objects)
         for block in ahead(text, self.tasks(), count):
             if not block.objects:
                 continue
@@ -259,8 +288,8 @@ class SpdScene(abc.ABC):
             file.write(block.text[len(fills[current]) :] if same else block.text)
             current = block.last
             done += block.objects
-            if progress is not None and progress(done) is False:
-                raise Cancelled(f"cancelled with {done} of {self.objects} objects written")
+            if report is not None:
+                report(done)
 
     def fill(self, material: int) -> str:
         """Return the line of text that sets a material."""
@@ -280,14 +309,3 @@ def phong_power(degrees: float) -> float:
     if degrees >= 90.0:
         return 1.0
     return math.log(0.5) / math.log(math.cos(math.radians(degrees)))
-
-
-def check_room(path: str | os.PathLike[str], needed: int) -> None:
-    """Refuse a store that the disk has no room for, before it is begun."""
-    folder = Path(os.path.realpath(path)).parent
-    try:
-        free = shutil.disk_usage(folder).free
-    except OSError as error:
-        raise refused(folder, 0, error, "examining") from error
-    if free < needed:
-        raise DiskFullError(path, 0, errno.ENOSPC, f"writing {needed} bytes where {free} are free,")

@@ -20,16 +20,13 @@ from bfrt.store.extent import Extent
 from bfrt.store.header import facts_of
 from bfrt.store.hierarchy import Boxes, Hierarchy, HierarchyWriter, Level
 from bfrt.store.locality import Locality
-from bfrt.store.material_column import MaterialColumn
+from bfrt.store.material_column import READ_BACK_AT_ONCE, MaterialColumn
 from bfrt.store.model import Vector
 from bfrt.store.ordering.given import GivenFiles
-from bfrt.store.ordering.objects import Layout
+from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
-
-#: Objects that are read back at once, for wider materials or for the hierarchy.
-READ_BACK_AT_ONCE = 65536
 
 
 class Prepared(NamedTuple):
@@ -98,7 +95,6 @@ class StreamWriter:
         self.materials = MaterialColumn(folder, durable)
         self.hierarchy: HierarchyWriter | None = None
         self.locality = Locality()
-        self._expected = 0
         names = ["geometry"]
         if kind.boxed:
             names.append("boxes")
@@ -156,24 +152,22 @@ class StreamWriter:
         """Make the first level as the objects come, of which there will be `count`, 1 or more."""
         self.hierarchy = self._hierarchy_writer(settings, surface)
         self.hierarchy.begin(count)
-        self._expected = count
 
     def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
         """Make the levels of the hierarchy that are missing, from the complete files."""
         if self.hierarchy is None:
             self.hierarchy = self._hierarchy_writer(settings, surface)
-        elif self.count != self._expected:
-            raise SceneError(
-                f"{self.label}: found {self.count} objects, expected {self._expected} as announced"
-            )
         self.hierarchy.complete(self._boxes(origin), self.count)
         return self.hierarchy.levels
 
     def given(self, origin: Vector) -> GivenFiles:
         """Describe the complete files."""
         materials = self.materials
-        layout = Layout(self.kind, self.wide, origin)
-        return GivenFiles(self._folder, layout, self.count, materials.first, materials.bytes)
+        layout = Layout(
+            self.kind, self.wide, origin, id_bytes_of(self.count), materials.bytes, materials.first
+        )
+        records = self.vertices if self.kind.counted else self.count
+        return GivenFiles(self._folder, layout, self.count, records)
 
     def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
         """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""

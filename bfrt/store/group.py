@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError
 from bfrt.ids import index_of, object_id, stream_of
+from bfrt.progress import Passes
 from bfrt.records import Kind
 from bfrt.store.columns import Prepared, StreamWriter
 from bfrt.store.extent import Bounds, Extent
@@ -24,6 +26,20 @@ from bfrt.streams.atomic_write import refused
 
 #: The order in which a store keeps its objects.
 Order = Literal["given", "spatial", "auto"]
+
+
+def checked_order(order: str) -> Order:
+    """Return an order that there is.
+
+    Raises
+    ------
+    SettingError
+        If it is none.
+    """
+    for name in get_args(Order):
+        if order == name:
+            return name  # type: ignore[no-any-return]
+    raise SettingError(f"order: found {order!r:.80}, expected given, spatial or auto")
 
 
 class Making(NamedTuple):
@@ -94,7 +110,12 @@ class GroupWriter:
                 stream.expect(count, self._surface, self._making.hierarchy)
         self.streams[block.kind].append(block, self._extent)
 
-    def close(self, origin: Vector) -> dict[str, Any]:
+    @property
+    def unordered(self) -> int:
+        """Return the number of objects that will be brought into another order."""
+        return sum(s.count for s in self.streams.values() if self._is_ordered(s))
+
+    def close(self, origin: Vector, passes: Passes) -> dict[str, Any]:
         """Complete all files; return the group's part of the header."""
         headers = [self.streams[kind].close() for kind in sorted(self.streams)]
         outliers, grid_bounds = self._extent.outliers()
@@ -104,10 +125,11 @@ class GroupWriter:
         start = time.perf_counter() - begun
         for header in headers:
             stream = self.streams[Kind(header["kind"])]
+            self._check_count(stream)
             if self._is_ordered(stream):
                 own = [id for id in outliers if stream_of(id) == stream.number]
                 given = stream.given(origin)
-                places = self._order(given, grid_bounds, surface, header, own)
+                places = self._order(given, grid_bounds, surface, header, own, passes)
                 others = [id for id in outliers if stream_of(id) != stream.number]
                 outliers = sorted([*others, *places])
                 continue
@@ -116,24 +138,33 @@ class GroupWriter:
         self.hierarchy_seconds = time.perf_counter() - start
         return {"streams": headers, "grid_bounds": bounds_to(grid_bounds), "outliers": outliers}
 
+    def _check_count(self, stream: StreamWriter) -> None:
+        expected = self._expected.get(stream.kind, stream.count)
+        if stream.count != expected:
+            raise SceneError(
+                f"{stream.label}: found {stream.count} objects, expected {expected} as announced"
+            )
+
     def _is_ordered(self, stream: StreamWriter) -> bool:
         return stream.count > 0 and self._making.order != "given"
 
     def _order(
         self, given: GivenFiles, around: Bounds, surface: float, header: dict[str, Any],
-        outliers: list[int],
+        outliers: list[int], passes: Passes,
     ) -> list[int]:  # fmt: skip
         """Bring a stream into spatial order; return the outliers' new ids."""
         stream = self.streams[given.layout.kind]
         asked = np.array([index_of(id) for id in outliers], np.int64)
         ordering = Ordering(
-            given, around, asked, local=stream.locality.local, durable=self._making.durable
-        )
+            given, around, asked, passes, local=stream.locality.local,
+            durable=self._making.durable,
+        )  # fmt: skip
         hierarchy = HierarchyWriter(
             ordering.folder, self._making.hierarchy, surface, durable=self._making.durable
         )
         try:
-            hierarchy.complete(ordering.boxes(), stream.count)
+            with closing(ordering.boxes()) as boxes:
+                hierarchy.complete(boxes, stream.count)
             header.update(ordering.close())
         except BaseException:
             hierarchy.abandon()

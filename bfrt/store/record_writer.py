@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SettingError
+from bfrt.progress import DoneReport, Passes, staged
 from bfrt.records import KIND_BITS, STREAM_BITS, Kind
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.columns import Prepared, prepare
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.extent import Bounds, check_extent
 from bfrt.store.given import records_of, vertices_of
-from bfrt.store.group import GroupWriter, Making, Order
+from bfrt.store.group import GroupWriter, Making, Order, checked_order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Material
 from bfrt.store.palette import PaletteWriter, record_of
@@ -56,11 +57,11 @@ class RecordWriter:
         folder: AtomicFolder,
         coordinates: Coordinates,
         hierarchy: Hierarchy,
-        order: Order = "given",
+        order: Order,
     ) -> None:
         self._folder = folder
         self._coordinates = coordinates
-        self._making = Making(hierarchy, order, folder.durable)
+        self._making = Making(hierarchy, checked_order(order), folder.durable)
         self._groups: list[GroupWriter] = []
         self._open = True
         try:
@@ -276,10 +277,12 @@ class RecordWriter:
             return np.full(n, self.material(Material()), np.uint32)
         return self._palette.indices_of(materials, n)
 
-    def _close(self) -> dict[str, Any]:
+    def _close(self, progress: DoneReport | None) -> dict[str, Any]:
         """Complete all files of groups and palette; return what the header says of them."""
         origin = self._coordinates.origin
-        groups = [group.close(origin) for group in self._groups]
+        unordered = sum(group.unordered for group in self._groups)
+        passes = Passes(staged(progress, "ordering", unordered) if unordered else None)
+        groups = [group.close(origin, passes) for group in self._groups]
         palette = self._palette.close()
         bounds = functools.reduce(Bounds.union, [group.bounds for group in self._groups])
         check_extent(bounds, origin)

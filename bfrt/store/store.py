@@ -45,6 +45,7 @@ from bfrt.records import (
     TREELET_BYTES,
     Kind,
 )
+from bfrt.store.checksum import FileFacts, checksum_of, damaged
 from bfrt.store.extent import NOTHING, Bounds
 from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
@@ -56,14 +57,6 @@ VERSION = 5
 HEADER = "scene.json"
 MADE = "made.json"
 PALETTE = "palette"
-
-
-@dataclass(frozen=True)
-class FileFacts:
-    """Holds what the header says about a file."""
-
-    bytes: int
-    crc32: int
 
 
 @dataclass(frozen=True)
@@ -251,27 +244,6 @@ class Store:
         for path, facts in self.files():
             if checksum_of(path) != (facts.crc32, facts.bytes):
                 raise damaged(path, facts)
-
-
-def damaged(path: Path, facts: FileFacts) -> StoreError:
-    return StoreError(
-        f"{path}: the contents differ from what was written: "
-        f"expected {facts.bytes} bytes with CRC-32 {facts.crc32:08x}"
-    )
-
-
-def checksum_of(path: Path, start: int = 0) -> tuple[int, int]:
-    """Return the CRC-32 and the length of a file from byte `start` on, read in blocks."""
-    crc = length = 0
-    try:
-        with path.open("rb") as file:
-            file.seek(start)
-            while block := file.read(1 << 22):
-                crc = zlib.crc32(block, crc)
-                length += len(block)
-    except OSError as error:
-        raise refused(path, start + length, error, "reading") from error
-    return crc, length
 
 
 def open_store(path: str | os.PathLike[str]) -> Store:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.progress import DoneReport
 from bfrt.records import Kind
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
@@ -53,8 +54,9 @@ class StoreWriter(RecordWriter):
         `Hierarchy`'s.
     order : {"given", "spatial", "auto"}
         The order in which objects are stored: as they are given; spatial, in treelets, for
-        ``refine="tree"``; or one of them by a rule (docs/tree.rst). Ids count in the order given,
-        always.
+        ``refine="tree"``; or auto, which is spatial, since that costs little (docs/tree.rst). Ids
+        count in the order given, always. Objects are brought into spatial order when all are
+        written, and take more room on disk until that is done: up to three times the store.
     durable : bool
         Whether the store outlives a loss of power once it has its name, which takes a moment; not
         needed for a store that is removed after a render.
@@ -85,7 +87,7 @@ class StoreWriter(RecordWriter):
         dtype: Any = None,
         origin: ArrayLike | None = None,
         hierarchy: Hierarchy | None = None,
-        order: Order = "given",
+        order: Order = "auto",
         durable: bool = True,
     ) -> None:
         self.path = Path(path)
@@ -308,8 +310,14 @@ class StoreWriter(RecordWriter):
         given = floats_of("vertices", vertices), array_of("counts", counts)
         self.append_polygons(*given, materials, group=group)
 
-    def complete(self) -> Store:
+    def complete(self, progress: DoneReport | None = None) -> Store:
         """Complete the store and give it its name.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called while objects are brought into spatial order, with a `bfrt.progress.Done`: the
+            number of objects, of stage "ordering"; returning False cancels.
 
         Returns
         -------
@@ -325,10 +333,12 @@ class StoreWriter(RecordWriter):
             If the writer is closed.
         DiskFullError, StreamError
             If the system refuses a write; nothing is left behind.
+        Cancelled
+            If `progress` returned False; nothing is left behind.
         """
         self._check_open()
         try:
-            self._put(HEADER, self._header())
+            self._put(HEADER, self._header(progress))
             self._folder.sync()
             open_store(self._folder.aside)  # what replaces a store is whole
             self._folder.take_name()
@@ -345,9 +355,9 @@ class StoreWriter(RecordWriter):
             )
         return open_store(self.path)
 
-    def _header(self) -> dict[str, Any]:
+    def _header(self, progress: DoneReport | None = None) -> dict[str, Any]:
         """Complete all other files; return what the header says."""
-        records = self._close()
+        records = self._close(progress)
         self._put(MADE, {"hierarchy_seconds": sum(g.hierarchy_seconds for g in self._groups)})
         return {
             "magic": MAGIC,

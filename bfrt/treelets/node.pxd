@@ -59,7 +59,8 @@ cdef extern from *:
     }
 
     /* Quantise the sides lo[i] to hi[i] of n children on one axis. */
-    static inline void bfrt_node_axis(bfrt_node *node, int k, const float *lo, const float *hi, int n)
+    static inline void bfrt_node_axis(bfrt_node *node, int k, const float *lo, const float *hi,
+                                      int n)
     {
         float low = INFINITY, high = -INFINITY;
         for (int i = 0; i < n; i++) {

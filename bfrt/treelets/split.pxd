@@ -2,8 +2,8 @@
 
 A range of references, each a box and whose it is, is divided in two in place. After Wald, "On fast
 Construction of SAH-based Bounding Volume Hierarchies" (2007): the centers of the boxes fall into
-BINS equal bins on each axis, and the best of all borders between bins is taken. Where all centers
-are in one place the range is halved.
+equal bins on each axis, up to BINS and fewer for few boxes, as there, and the best of all borders
+between bins is taken. Where all centers are in one place the range is halved.
 """
 
 from libc.stdint cimport int64_t, uint32_t
@@ -16,7 +16,7 @@ cdef extern from *:
     #include <stdint.h>
     #include <string.h>
 
-    enum { BFRT_BINS = 16 };
+    enum { BFRT_BINS = 16, BFRT_LEAST_BINS = 4, BFRT_EACH_BIN = 4 };
 
     typedef float bfrt_four __attribute__((vector_size(16)));
     typedef int32_t bfrt_four_int __attribute__((vector_size(16)));
@@ -69,7 +69,8 @@ cdef extern from *:
         return d[0] * d[1] + d[1] * d[2] + d[2] * d[0];
     }
 
-    static inline bfrt_four_int bfrt_bins_of(const bfrt_reference *r, bfrt_four low, bfrt_four scale)
+    static inline bfrt_four_int bfrt_bins_of(const bfrt_reference *r, bfrt_four low,
+                                             bfrt_four scale)
     {
         bfrt_four at = (r->side.lo * 0.5f + r->side.hi * 0.5f - low) * scale;
         return __builtin_convertvector(at, bfrt_four_int);
@@ -93,12 +94,16 @@ cdef extern from *:
             bfrt_four center = r[i].side.lo * 0.5f + r[i].side.hi * 0.5f;
             bfrt_enclose(&centers, center, center);
         }
+        /* Most ranges are small, and their bins would take longer than their boxes. */
+        int64_t few = BFRT_LEAST_BINS + n / BFRT_EACH_BIN;
+        int last = (int)(few < BFRT_BINS ? few : BFRT_BINS);
         bfrt_four scale, low = centers.lo;
+        bfrt_range_box best_first, best_second; /* the boxes around the bins on either side */
         int best_axis = -1, best_bin = 0;
         int64_t middle = n / 2;
         for (int k = 0; k < 4; k++) {
             float wide = k < 3 ? centers.hi[k] - low[k] : 0.0f;
-            scale[k] = wide > 0.0f && isfinite(wide) ? BFRT_BINS * (1.0f - 0x1p-20f) / wide : 0.0f;
+            scale[k] = wide > 0.0f && isfinite(wide) ? last * (1.0f - 0x1p-20f) / wide : 0.0f;
             if (!isfinite(scale[k]))
                 scale[k] = 0.0f;
         }
@@ -108,7 +113,7 @@ cdef extern from *:
             int64_t counts[3][BFRT_BINS] = {{0}};
             float best = INFINITY;
             for (int k = 0; k < 3; k++)
-                for (int b = 0; b < BFRT_BINS; b++)
+                for (int b = 0; b < last; b++)
                     bins[k][b] = bfrt_no_box();
             for (int64_t i = 0; i < n; i++) {
                 bfrt_four_int at = bfrt_bins_of(&r[i], low, scale);
@@ -119,18 +124,19 @@ cdef extern from *:
             }
             for (int k = 0; k < 3; k++) {
                 float costs[BFRT_BINS];
-                bfrt_range_box all = bfrt_no_box();
+                bfrt_range_box below[BFRT_BINS], all = bfrt_no_box();
                 int64_t sum = 0;
                 if (!(scale[k] > 0.0f))
                     continue;
-                for (int b = 0; b < BFRT_BINS - 1; b++) {
+                for (int b = 0; b < last - 1; b++) {
                     bfrt_enclose(&all, bins[k][b].lo, bins[k][b].hi);
                     sum += counts[k][b];
+                    below[b] = all;
                     costs[b] = sum ? sum * bfrt_half_surface(&all) : 0.0f;
                 }
                 all = bfrt_no_box();
                 sum = 0;
-                for (int b = BFRT_BINS - 1; b > 0; b--) {
+                for (int b = last - 1; b > 0; b--) {
                     bfrt_enclose(&all, bins[k][b].lo, bins[k][b].hi);
                     sum += counts[k][b];
                     float cost = costs[b - 1] + (sum ? sum * bfrt_half_surface(&all) : 0.0f);
@@ -138,12 +144,16 @@ cdef extern from *:
                         best = cost;
                         best_axis = k;
                         best_bin = b;
+                        best_first = below[b - 1];
+                        best_second = all;
                     }
                 }
             }
         }
         if (best_axis >= 0) {
             int64_t i = 0, j = n - 1;
+            *first = best_first;
+            *second = best_second;
             for (;;) {
                 while (i <= j && bfrt_bins_of(&r[i], low, scale)[best_axis] < best_bin)
                     i++;
@@ -155,7 +165,7 @@ cdef extern from *:
                 r[i++] = r[j];
                 r[j--] = t;
             }
-            middle = i;
+            return i;
         }
         bfrt_range_bounds(r, middle, first);
         bfrt_range_bounds(r + middle, n - middle, second);
@@ -188,7 +198,7 @@ cdef extern from *:
         r->box.unused = BFRT_NUMBER;
     }
 
-    static inline uint32_t bfrt_referred(const bfrt_reference *r) 
+    static inline uint32_t bfrt_referred(const bfrt_reference *r)
     {
         return r->box.of & (BFRT_NUMBER - 1);
     }

@@ -41,13 +41,13 @@ def test_npy_spheres_points_and_triangles(tmp_path):
     path = tmp_path / "a.npy"
     both = np.hstack([CENTERS, RADII[:, None]])
     np.save(path, both)
-    assert (geometry(convert(path), Kind.SPHERE) == both).all()
+    assert (geometry(convert(path, order="given"), Kind.SPHERE) == both).all()
     np.save(path, CENTERS)
-    assert (geometry(convert(path, radius=2), Kind.SPHERE)[:, 3] == 2).all()
+    assert (geometry(convert(path, radius=2, order="given"), Kind.SPHERE)[:, 3] == 2).all()
     assert "expected radius=" in refused(path, SettingError)
     for shape in ((7, 3, 3), (7, 9)):
         np.save(path, TRIANGLES.reshape(shape))
-        found = geometry(convert(path), Kind.TRIANGLE)
+        found = geometry(convert(path, order="given"), Kind.TRIANGLE)
         assert (found == TRIANGLES.reshape(7, 9)).all() and found.dtype == np.float32
 
 

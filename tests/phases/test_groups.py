@@ -26,7 +26,7 @@ TIGHT = fast.limited(
 def split(path, rng, groups):
     """Random objects, each in a group by chance; no two in one place."""
     objects = fast.stored(random_objects(rng, 300, spread=4.0, size=0.7))
-    with bfrt.SceneWriter(path, origin=(0, 0, 0), hierarchy=fast.DEEP) as writer:
+    with bfrt.SceneWriter(path, origin=(0, 0, 0), hierarchy=fast.DEEP, order="given") as writer:
         tables = (
             (Kind.SPHERE, objects.spheres), (Kind.CONE, objects.cones),
             (Kind.TRIANGLE, objects.triangles), (Kind.PATCH, objects.patches),

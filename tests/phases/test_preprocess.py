@@ -98,7 +98,9 @@ def test_marks_are_those_of_every_box(refine, subspace, tmp_path):
 def test_of_boxes_those_are_read_that_are_chosen(tmp_path, kind, bits, name, width):
     """And short gaps between, but no byte beyond: what comes next is far."""
     corners = np.random.default_rng(1).random((100_000, 9), np.float32)
-    with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(bits=bits)) as writer:
+    with bfrt.SceneWriter(
+        tmp_path / "a.bfrt", hierarchy=Hierarchy(bits=bits), order="given"
+    ) as writer:
         writer.append(kind, corners if kind == Kind.TRIANGLE else corners[:, :4].copy())
     (stream,) = open_store(tmp_path / "a.bfrt").streams
     files = StreamFiles(stream, lazy=True)

@@ -81,7 +81,7 @@ def test_less_is_read(tmp_path):
     centers = centers[np.lexsort(cells.T)]  # cell by cell, as most models come in some order
     centers[np.arange(200_000) % 40_000 < 20_000, 0] += 100
     corners = centers[:, None] + rng.normal(0, 0.01, (200_000, 3, 3)).astype(np.float32)
-    with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", order="given") as writer:
         writer.camera(bfrt.Camera((0, -5, 0), (0, 0, 0), resolution=(64, 64)))
         writer.light(bfrt.Light((0, -50, 0)))
         writer.triangles(corners)
@@ -148,7 +148,7 @@ def test_selection_finds_every_object_near_a_ray(tmp_path_factory, seed, n, room
     folder = tmp_path_factory.mktemp("selection")
     centers = np.clip(np.cumsum(rng.normal(0, 0.5, (n, 3)), axis=0), -9, 9).astype(np.float32)
     settings = Hierarchy(s=rng.uniform(1, 4), n=3, l=int(rng.integers(1, 5)), t=rng.random())
-    with bfrt.SceneWriter(folder / "a.bfrt", hierarchy=settings) as writer:
+    with bfrt.SceneWriter(folder / "a.bfrt", hierarchy=settings, order="given") as writer:
         writer.spheres(centers, np.float32(0.2))
     (stream,) = open_store(folder / "a.bfrt").streams
     shape = tuple(int(k) for k in rng.integers(1, 40, 3))

@@ -49,7 +49,9 @@ def rings(tmp_path):
 @pytest.fixture
 def store(tmp_path):
     """20,000 triangles, all of them in a unit cube."""
-    with bfrt.SceneWriter(tmp_path / "b.bfrt", hierarchy=Hierarchy(bits=8)) as writer:
+    with bfrt.SceneWriter(
+        tmp_path / "b.bfrt", hierarchy=Hierarchy(bits=8), order="given"
+    ) as writer:
         writer.triangles(np.random.default_rng(1).random((20_000, 3, 3), np.float32))
     return open_store(tmp_path / "b.bfrt")
 
@@ -221,7 +223,7 @@ def dropped(path):
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux is asked, and tells what is cached")
 def test_boxes_that_are_prefetched_come(tmp_path):
     """And what lies between them does not."""
-    with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", order="given") as writer:
         writer.triangles(np.random.default_rng(1).random((200_000, 3, 3), np.float32))
     store = open_store(tmp_path / "a.bfrt")
     (stream,) = store.streams

@@ -117,7 +117,7 @@ def test_progress_counts_objects_and_cancels(tmp_path):
     seen = []
     Row(3).write(tmp_path / "row.bfrt", progress=seen.append)
     assert seen == [1, 2, 3, 4]
-    with pytest.raises(Cancelled, match="cancelled with 2 of 4 objects written"):
+    with pytest.raises(Cancelled, match="cancelled while writing, with 2 of 4 objects done"):
         Row(3).write(tmp_path / "other.bfrt", progress=lambda done: done < 2)
     with pytest.raises(Cancelled):
         Row(3).write_nff(io.StringIO(), progress=lambda done: False)

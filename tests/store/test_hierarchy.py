@@ -206,7 +206,7 @@ def test_the_store_keeps_settings_levels_and_time(tmp_path):
 def test_boxes_of_spheres_are_worked_out_again(tmp_path, dtype):
     rng = np.random.default_rng(3)
     centers = rng.uniform(-1, 1, (500, 3)).astype(dtype)
-    with StoreWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(n=1, s=1.0)) as writer:
+    with StoreWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(n=1, s=1.0), order="given") as writer:
         writer.spheres(centers, np.full(500, 0.01, dtype))
     (stream,) = open_store(tmp_path / "a.bfrt").streams
     records = np.fromfile(stream.path("level1"), PARENT)

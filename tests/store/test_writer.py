@@ -83,7 +83,7 @@ def folder(tmp_path):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_geometry_is_stored_untouched(folder, dtype):
     tables, counts = scene(dtype=dtype)
-    with StoreWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt", order="given") as writer:
         give(writer, tables, counts)
     store = open_store(folder / "a.bfrt")
     store.verify()
@@ -103,7 +103,7 @@ def test_geometry_is_stored_untouched(folder, dtype):
 @pytest.mark.parametrize("kind", [Kind.TRIANGLE, Kind.PATCH])
 def test_boxes_are_the_tightest_around_the_vertices(folder, dtype, kind):
     tables, _ = scene(n=400, dtype=dtype)
-    with StoreWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt", order="given") as writer:
         writer.append(kind, tables[kind])
     (stream,) = open_store(folder / "a.bfrt").streams
     origin = np.array(open_store(folder / "a.bfrt").origin)
@@ -121,7 +121,7 @@ def test_boxes_are_the_tightest_around_the_vertices(folder, dtype, kind):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_boxes_hold_cones_and_polygons(folder, dtype):
     tables, counts = scene(n=400, dtype=dtype)
-    with StoreWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt", order="given") as writer:
         give(writer, tables, counts)
     store = open_store(folder / "a.bfrt")
     cones, polygons = store.streams[Kind.CONE], store.streams[Kind.POLYGON]
@@ -154,7 +154,7 @@ def test_boxes_hold_cones_and_polygons(folder, dtype):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_bounds_are_those_of_all_objects(folder, dtype):
     tables, counts = scene(n=300, dtype=dtype)
-    with StoreWriter(folder / "a.bfrt", origin=(1.0, 2.0, 3.0)) as writer:
+    with StoreWriter(folder / "a.bfrt", origin=(1.0, 2.0, 3.0), order="given") as writer:
         give(writer, tables, counts)
     store = open_store(folder / "a.bfrt")
     center, radius = np.split(tables[Kind.SPHERE].astype(np.float64), [3], axis=1)
@@ -169,7 +169,7 @@ def test_bounds_are_those_of_all_objects(folder, dtype):
 
 def test_a_5_cm_triangle_at_utm_coordinates(folder):
     corners = UTM + SMALL
-    with StoreWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt", order="given") as writer:
         writer.triangles(corners)
     store = open_store(folder / "a.bfrt")
     np.testing.assert_allclose(store.origin, UTM, atol=0.05)
@@ -195,7 +195,7 @@ def test_a_5_cm_triangle_survives_as_float32(folder):
 @pytest.mark.parametrize("given", [np.float32, np.float64])
 def test_dtype_overrides(folder, dtype, given):
     tables, counts = scene(dtype=given)
-    with StoreWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0)) as writer:
+    with StoreWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0), order="given") as writer:
         give(writer, tables, counts)
     for stream in open_store(folder / "a.bfrt").streams:
         expected = tables[stream.kind].astype(dtype)
@@ -206,7 +206,7 @@ def test_dtype_overrides(folder, dtype, given):
 def test_normals_and_radii_are_not_moved(folder):
     tables, counts = scene(dtype=np.float64)
     origin = np.array([10.0, -20.0, 30.0])
-    with StoreWriter(folder / "a.bfrt", dtype="float32", origin=origin) as writer:
+    with StoreWriter(folder / "a.bfrt", dtype="float32", origin=origin, order="given") as writer:
         give(writer, tables, counts)
     moved = {
         Kind.SPHERE: [*origin, 0],
@@ -260,7 +260,7 @@ def test_any_number_of_calls_gives_the_same_bytes(tmp_path_factory, cuts, seed, 
     rng = np.random.default_rng(seed)
     chosen = {k: rng.integers(0, 300, len(counts if k == 4 else tables[k])) for k in Kind}
     for name, parts in (("one", [0, 1]), ("many", sorted([0, 1, *cuts]))):
-        with StoreWriter(folder / name, origin=(1.0, 2.0, 3.0)) as writer:
+        with StoreWriter(folder / name, origin=(1.0, 2.0, 3.0), order="given") as writer:
             for number in range(300):
                 writer.material(Material(kd=number / 512))
             pairs = list(itertools.product(itertools.pairwise(parts), Kind))
@@ -367,7 +367,7 @@ def test_bad_lights_are_refused_when_they_are_given(folder):
     ],
 )
 def test_materials_take_the_smallest_integers(folder, blocks, width):
-    with StoreWriter(folder / "a.bfrt") as writer:
+    with StoreWriter(folder / "a.bfrt", order="given") as writer:
         writer._palette.count = 1 << 20  # as if they had been added
         for block in blocks:
             writer.spheres(np.zeros((len(block), 3), np.float32), 1.0, block)
@@ -429,7 +429,7 @@ def test_a_bad_material_index_is_refused(folder, bad):
 def test_degenerate_objects_are_counted_and_reported_once(folder, caplog):
     flat = np.zeros((2, 3, 3), np.float32)
     flat[1] = [[0, 0, 0], [1, 1, 1], [2, 2, 2]]
-    with caplog.at_level(logging.WARNING), StoreWriter(folder / "a.bfrt") as writer:
+    with caplog.at_level(logging.WARNING), StoreWriter(folder / "a.bfrt", order="given") as writer:
         writer.triangles(flat)
         writer.triangles(np.eye(3, dtype=np.float32)[None])
         writer.spheres(np.zeros((2, 3), np.float32), [0.0, 1.0])
@@ -697,7 +697,7 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
     path = folder / "a.bfrt"
     real = getattr(owner, name)
     for refused in itertools.count(1):
-        with StoreWriter(path) as writer:
+        with StoreWriter(path, order="given") as writer:
             writer.spheres(N3, 1)
         old, calls = contents(path), itertools.count(1)
 
@@ -711,7 +711,7 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
         with monkeypatch.context() as patch:
             patch.setattr(owner, name, refuse)
             try:
-                with StoreWriter(path) as writer:
+                with StoreWriter(path, order="given") as writer:
                     writer.material(Material())
                     give(writer, *scene(), 0)
                     writer.triangles(N33, writer.material(Material(kd=0.5)))
@@ -745,7 +745,7 @@ def open_files():
 def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
     path = folder / "a.bfrt"
     if replaces:
-        StoreWriter(path).complete()
+        StoreWriter(path, order="given").complete()
     old = contents(path)
     real = Path.rename
 
@@ -756,7 +756,7 @@ def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
             raise KeyboardInterrupt
         return result
 
-    writer = StoreWriter(path)
+    writer = StoreWriter(path, order="given")
     writer.spheres(N3, 1)
     monkeypatch.setattr(Path, "rename", interrupted)
     if when == "old away" and not replaces:

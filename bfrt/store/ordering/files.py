@@ -12,13 +12,10 @@ from numpy.typing import NDArray
 from bfrt.records import NODE_BYTES, OFFSET_BYTES
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
-from bfrt.store.ordering.objects import Layout
+from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.windows import OrderedWindow
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
-
-#: Ids below this take four bytes each, others eight.
-SHORT_IDS = 1 << 32
 
 
 class OrderedFiles:
@@ -49,7 +46,7 @@ class OrderedFiles:
         self.treelets = self.nodes = self.treelet_bytes = 0
         self._layout = layout
         self.folder = folder
-        self.id_bytes = 4 if count <= SHORT_IDS else 8
+        self.id_bytes = id_bytes_of(count)
         self._done = self._vertices = 0
         self._materials = MaterialColumn(folder, durable)
         self._files: dict[str, FileWriter] = {}

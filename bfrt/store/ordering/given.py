@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
-from bfrt.store.ordering.objects import Layout, Objects
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
+from bfrt.store.ordering.room import Amount, Room, room_of
 from bfrt.streams.atomic_write import refused
-
-#: Objects that are read at once.
-OBJECTS_AT_ONCE = 1 << 16
 
 
 class GivenFiles(NamedTuple):
@@ -28,15 +26,18 @@ class GivenFiles(NamedTuple):
     layout : Layout
     objects : int
         Number of them.
-    material, material_bytes : int
-        The material of all, where no file of materials is there; bytes of one in that file.
+    records : int
+        Objects again, or vertices of polygons.
     """
 
     folder: Path
     layout: Layout
     objects: int
-    material: int
-    material_bytes: int
+    records: int
+
+    def room(self, local: bool) -> Room:
+        """Work out the room on disk of its ordering."""
+        return room_of(self.layout, Amount(self.objects, self.records, local))
 
     def blocks(self) -> Iterator[Objects]:
         """Yield all objects, in the order given."""
@@ -45,22 +46,26 @@ class GivenFiles(NamedTuple):
             offsets = materials = None
             if self.layout.kind.counted:
                 offsets = _Column(stack, self.folder / "offsets")
-            if self.material_bytes:
+            if self.layout.material_bytes:
                 materials = _Column(stack, self.folder / "materials")
             done = vertices = 0
+            ahead = np.empty(0, np.uint32)  # the counts of polygons that come next
             while done < self.objects:
-                n = min(OBJECTS_AT_ONCE, self.objects - done)
-                counts = np.empty(0, np.uint32)
-                records = n
+                records = n = min(OBJECTS_AT_ONCE, self.objects - done)
                 if offsets is not None:
-                    ends = offsets.read(n, OFFSET_BYTES).view("<u4").astype(np.int64)
-                    counts = np.diff(ends, prepend=vertices).astype(np.uint32)
-                    records, vertices = int(ends[-1]) - vertices, int(ends[-1])
-                if materials is None:
-                    indices = np.full(n, self.material, np.uint32)
+                    if not len(ahead):
+                        ends = offsets.read(n, OFFSET_BYTES).view("<u4").astype(np.int64)
+                        ahead = np.diff(ends, prepend=vertices).astype(np.uint32)
+                    n = few_at_once(ahead)
+                    counts, ahead = ahead[:n], ahead[n:]
+                    records = int(counts.sum(dtype=np.int64))
+                    vertices += records
                 else:
-                    raw = materials.read(n, self.material_bytes)
-                    indices = raw.view(f"<u{self.material_bytes}").astype(np.uint32)
+                    counts = ahead
+                raw = None
+                if materials is not None:
+                    raw = materials.read(n, self.layout.material_bytes)
+                indices = self.layout.materials(n, raw)
                 ids = np.arange(done, done + n, dtype=np.uint64)
                 yield Objects(geometry.read(records, self.layout.stride), counts, indices, ids)
                 done += n

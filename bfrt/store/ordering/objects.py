@@ -16,6 +16,21 @@ from bfrt.store.ordering._loops import gather, gather_runs
 Bytes = NDArray[np.uint8]
 
 
+#: Objects that are read at once.
+OBJECTS_AT_ONCE = 1 << 16
+
+#: Vertices of polygons that are read at once, unless one polygon has more.
+VERTICES_AT_ONCE = 1 << 18
+
+#: Ids below this take four bytes each, others eight.
+SHORT_IDS = 1 << 32
+
+
+def id_bytes_of(count: int) -> int:
+    """Return the bytes of an id where there are `count` objects."""
+    return 4 if count <= SHORT_IDS else 8
+
+
 class Layout(NamedTuple):
     """Says what a stream's records are.
 
@@ -26,16 +41,31 @@ class Layout(NamedTuple):
         Whether coordinates are float64.
     origin : tuple of 3 float
         The store's.
+    id_bytes : int
+        Bytes of an object's id on disk, 4 or 8.
+    material_bytes : int
+        Bytes of its material, 1, 2 or 4; 0 where all have one.
+    material : int
+        The material that all have then.
     """
 
     kind: Kind
     wide: bool
     origin: Vector
+    id_bytes: int = 8
+    material_bytes: int = 4
+    material: int = 0
 
     @property
     def stride(self) -> int:
         """Return the bytes of a record; for polygons, of a vertex."""
         return self.kind.scalars * (8 if self.wide else 4)
+
+    def materials(self, count: int, stored: Bytes | None) -> NDArray[np.uint32]:
+        """Return the materials of some objects, as they are stored or, if they are not, all one."""
+        if stored is None:
+            return np.full(count, self.material, np.uint32)
+        return stored.view(f"<u{self.material_bytes}").astype(np.uint32)
 
 
 class Objects(NamedTuple):
@@ -94,6 +124,12 @@ class Objects(NamedTuple):
             begin, end, counts = first, last, self.counts
         geometry = self.geometry[begin * layout.stride : end * layout.stride]
         return Objects(geometry, counts, self.materials[first:last], self.ids[first:last])
+
+
+def few_at_once(counts: NDArray[np.uint32]) -> int:
+    """Return how many of the next polygons, one or more, are read at once."""
+    ends = np.cumsum(counts, dtype=np.int64)
+    return max(1, int(np.searchsorted(ends, VERTICES_AT_ONCE, "right")))
 
 
 def joined(some: Sequence[Objects]) -> Objects:

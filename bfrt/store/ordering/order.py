@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.progress import Passes
 from bfrt.store.extent import Bounds
 from bfrt.store.ordering.files import OrderedFiles, replace_folder
 from bfrt.store.ordering.given import GivenFiles
-from bfrt.store.ordering.parts import Means, Source, as_they_come, by_place
+from bfrt.store.ordering.objects import Objects
+from bfrt.store.ordering.parts import WINDOW, Means, Source, as_they_come, by_place
+from bfrt.store.ordering.room import room_beside
 from bfrt.store.ordering.windows import ordered
+from bfrt.streams.free import check_free
 from bfrt.workers import usable_threads
 
 Places = NDArray[np.int64]
@@ -29,6 +34,8 @@ class Ordering:
         A box around most of its objects.
     asked : (k,) int64
         Objects by their places as given, ascending, whose new places are wanted.
+    passes : Passes
+        Counts objects as they go through.
     local : bool
         Whether objects that follow each other are near each other as they are.
     durable : bool
@@ -40,30 +47,45 @@ class Ordering:
     """
 
     def __init__(
-        self, given: GivenFiles, around: Bounds, asked: Places, *, local: bool, durable: bool
-    ) -> None:
+        self, given: GivenFiles, around: Bounds, asked: Places, passes: Passes, *, local: bool,
+        durable: bool,
+    ) -> None:  # fmt: skip
         self.places = np.full(len(asked), -1, np.int64)
         self._asked = asked
         self._given = given
         self._local = local
-        self._source = Source(given.layout, given.blocks, around)
+        self._passes = passes
+        self._source = Source(given.layout, self._blocks, around)
+        check_free(given.folder, room_beside([given.room(local)]), "ordering with")
         folder = given.folder.with_name(f"{given.folder.name}.ordered")
         self._files = OrderedFiles(folder, given.layout, given.objects, durable)
         self.folder = folder
 
-    def boxes(self) -> Iterator[NDArray[np.float32]]:
+    def boxes(self) -> Generator[NDArray[np.float32], None, None]:
         """Write all objects in their order, and yield the boxes of each window as it is written."""
-        layout = self._given.layout
-        means = Means(self._given.folder.parent, usable_threads())
-        windows = (
-            as_they_come(self._source, means) if self._local else by_place(self._source, means)
-        )
+        layout, passes = self._given.layout, self._passes
+        # All are read to be written; those that are not local are counted and parted before.
+        passes.begin(self._given.objects, 2 if self._local else 3)
+        means = Means(self._given.folder.parent, usable_threads(), WINDOW)
+        way = as_they_come if self._local else by_place
         done = 0
-        for window in ordered(windows, layout, means.threads):
-            self._look(window.objects.ids, done)
-            self._files.append(window)
-            done += window.objects.number
-            yield window.boxes
+        with (
+            closing(way(self._source, means)) as windows,
+            closing(ordered(windows, layout, means.threads)) as made,
+        ):
+            for window in made:
+                self._look(window.objects.ids, done)
+                self._files.append(window)
+                done += window.objects.number
+                passes.add(window.objects.number)
+                yield window.boxes
+        passes.end()
+
+    def _blocks(self) -> Iterator[Objects]:
+        """Yield the given objects, counted."""
+        for block in self._given.blocks():
+            yield block
+            self._passes.add(block.number)
 
     def _look(self, ids: NDArray[np.uint64], first: int) -> None:
         """See which of some objects, whose places begin at `first`, are asked for."""

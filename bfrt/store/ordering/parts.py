@@ -2,12 +2,14 @@
 
 The cells of a grid are counted first. Runs of cells along a Morton curve that have few enough
 objects are a part each, and get their region in one file; a second pass brings the objects there.
-A part of more than a window's weight is parted again, by a grid around its own.
+A part of more than a window's weight is parted again, by a grid around its own. One that has most
+of the objects gets no region: it is picked out of all of them again, so that all regions together
+take no more than twice the objects' bytes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -76,7 +78,7 @@ class Placed(NamedTuple):
     centers: NDArray[np.float64]
 
 
-def as_they_come(source: Source, means: Means) -> Iterator[Objects]:
+def as_they_come(source: Source, means: Means) -> Generator[Objects, None, None]:
     """Yield all objects in windows, in the order in which they are."""
     held: list[Objects] = []
     weight = 0
@@ -101,22 +103,31 @@ def as_they_come(source: Source, means: Means) -> Iterator[Objects]:
         yield joined(held)
 
 
-def by_place(source: Source, means: Means) -> Iterator[Objects]:
+def by_place(source: Source, means: Means) -> Generator[Objects, None, None]:
     """Yield all objects in windows, along a curve through space."""
     if source.around.diagonal == 0.0:  # all in one place
         yield from as_they_come(source, means)
         return
+
+    def picker() -> Iterator[Objects]:
+        return _picked(source, part_of == picked, means)
+
     weights, objects, records = _counted(source, means)
     part_of, parts = _parts(weights, means.window)
     counted = [np.bincount(part_of, each, parts).astype(np.int64) for each in (objects, records)]
     heavy = np.bincount(part_of, weights, parts) > means.window
+    filled = np.flatnonzero(counted[0]).tolist()
+    most = int(counted[0].argmax())
+    picked = most if heavy[most] and 2 * counted[0][most] > counted[0].sum() else -1
+    if picked >= 0:
+        counted[0][picked] = counted[1][picked] = 0
     regions = Regions(source.layout, counted[0], counted[1], means.scratch)
     try:
         around = _fill(regions, part_of, heavy, source, means)
-        for part in np.flatnonzero(counted[0]).tolist():
+        for part in filled:
             if heavy[part]:
-                inner = Source(source.layout, regions.reader(part), around[part])
-                yield from by_place(inner, means)
+                reader = regions.reader(part) if part != picked else picker
+                yield from by_place(Source(source.layout, reader, around[part]), means)
             else:
                 yield joined(list(regions.reader(part)()))
     finally:
@@ -131,8 +142,13 @@ def weights_of(some: Objects, layout: Layout) -> Weights:
     return np.ones(some.number, np.int64)
 
 
-def _placed(source: Source, means: Means) -> Iterator[Placed]:
+def _placed(source: Source, means: Means) -> Generator[Placed, None, None]:
     """Yield all objects with their cells."""
+    return ahead(_placing(source), source.blocks(), means.threads)
+
+
+def _placing(source: Source) -> Callable[[Objects], Placed]:
+    """Return what finds the cells of objects, for any thread."""
     lo = source.around.lo
     scale = np.full(3, (1 << CELL_BITS) / float((source.around.hi - lo).max()))
 
@@ -142,7 +158,15 @@ def _placed(source: Source, means: Means) -> Iterator[Placed]:
         codes_of(boxes, lo, scale, CELL_BITS, codes)
         return Placed(some, codes.astype(np.int64), 0.5 * boxes[:, :3] + 0.5 * boxes[:, 3:])
 
-    return ahead(place, source.blocks(), means.threads)
+    return place
+
+
+def _picked(source: Source, wanted: NDArray[np.bool_], means: Means) -> Iterator[Objects]:
+    """Yield the objects in some cells."""
+    for some in _placed(source, means):
+        order = np.flatnonzero(wanted[some.cells]).astype(np.uint32)
+        if len(order):
+            yield some.objects.taken(order, source.layout)
 
 
 def _counted(source: Source, means: Means) -> tuple[Weights, Weights, Weights]:
@@ -179,17 +203,26 @@ def _fill(
     means: Means,
 ) -> dict[int, Bounds]:  # fmt: skip
     """Bring all objects to their regions; return the bounds of the centers of heavy parts."""
-    around = dict.fromkeys(np.flatnonzero(heavy).tolist(), NOTHING)
-    for some in _placed(source, means):
-        parts = part_of[some.cells]
+    place = _placing(source)
+
+    def part(some: Objects) -> tuple[Objects, Weights, dict[int, Bounds]]:
+        """Sort objects by their parts; return where each part ends, and bounds of heavy ones."""
+        placed = place(some)
+        parts = part_of[placed.cells]
         order = np.argsort(parts.astype(np.uint16), kind="stable").astype(np.uint32)
-        taken = some.objects.taken(order, source.layout)
         ends = np.cumsum(np.bincount(parts, minlength=len(heavy)))
-        for part in np.unique(parts).tolist():
-            first, last = int(ends[part - 1]) if part else 0, int(ends[part])
-            regions.append(part, taken.between(first, last, source.layout))
-            if heavy[part]:
-                own = some.centers[order[first:last]]
-                own = own[np.isfinite(own[:, 0])]  # of an empty box there is none
-                around[part] = around[part].union(bounds_of(np.hstack([own, own])))
+        bounds = {}
+        for k in np.flatnonzero(heavy).tolist():
+            own = placed.centers[order[ends[k - 1] if k else 0 : ends[k]]]
+            own = own[np.isfinite(own[:, 0])]  # of an empty box there is none
+            bounds[k] = bounds_of(np.hstack([own, own]))
+        return some.taken(order, source.layout), ends, bounds
+
+    around = dict.fromkeys(np.flatnonzero(heavy).tolist(), NOTHING)
+    for taken, ends, bounds in ahead(part, source.blocks(), means.threads):
+        begins = np.concatenate([[0], ends[:-1]])
+        for k in np.flatnonzero((ends > begins) & (regions.objects > 0)).tolist():
+            own = taken.between(int(begins[k]), int(ends[k]), source.layout)
+            regions.append(k, own)
+        around = {k: box.union(bounds[k]) for k, box in around.items()}
     return around

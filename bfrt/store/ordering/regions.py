@@ -11,15 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.store.ordering.given import OBJECTS_AT_ONCE
-from bfrt.store.ordering.objects import Layout, Objects
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
 from bfrt.streams.atomic_write import nameless, refused
+from bfrt.streams.free import check_free
 from bfrt.streams.writer import view_of
 
 Sizes = NDArray[np.int64]
 
-#: Bytes of an object beside its geometry: its vertices' number, for polygons; material; id.
-COUNT_BYTES, MATERIAL_BYTES, ID_BYTES = 4, 4, 8
+NO_BYTES = np.empty(0, np.uint8)
+
+#: Bytes of the number of a polygon's vertices.
+COUNT_BYTES = 4
+
+
+def object_bytes(layout: Layout) -> int:
+    """Return the bytes of an object beside its geometry: vertices' number, material, id."""
+    return sum(_widths(layout))
+
+
+def _widths(layout: Layout) -> tuple[int, int, int]:
+    counted = COUNT_BYTES if layout.kind.counted else 0
+    return counted, layout.material_bytes, layout.id_bytes
 
 
 class Regions:
@@ -34,26 +46,38 @@ class Regions:
         Records of each: objects, or vertices of polygons.
     scratch : Path
         Folder of the file.
+
+    Attributes
+    ----------
+    objects
+        As given.
+    bytes : int
+        Of all regions.
     """
 
     def __init__(self, layout: Layout, objects: Sizes, records: Sizes, scratch: Path) -> None:
         self._layout = layout
+        self.objects = objects
         self._path = scratch / "parts"
-        counted = COUNT_BYTES if layout.kind.counted else 0
-        sizes = np.stack(
-            [records * layout.stride, objects * counted, objects * MATERIAL_BYTES,
-             objects * ID_BYTES], 1,
-        )  # fmt: skip
+        columns = [records * layout.stride, *(objects * width for width in _widths(layout))]
+        sizes = np.stack(columns, 1)
         ends = np.cumsum(sizes).reshape(sizes.shape)
         self._begins = ends - sizes
         self._at = self._begins.copy()
-        self._file = nameless(scratch, self._path)
         self.bytes = int(sizes.sum())
+        check_free(scratch, self.bytes, "parting objects with")
+        self._file = nameless(scratch, self._path)
 
     def append(self, region: int, some: Objects) -> None:
         """Add objects to a region."""
         at = self._at[region]
-        columns: list[NDArray[Any]] = [some.geometry, some.counts, some.materials, some.ids]
+        layout = self._layout
+        columns: list[NDArray[Any]] = [some.geometry, some.counts]
+        if layout.material_bytes:
+            columns.append(some.materials.astype(f"<u{layout.material_bytes}", copy=False))
+        else:
+            columns.append(NO_BYTES)
+        columns.append(some.ids.astype(f"<u{layout.id_bytes}", copy=False))
         for k, column in enumerate(columns):
             data = view_of(column)
             done = 0
@@ -69,19 +93,26 @@ class Regions:
 
         def blocks() -> Iterator[Objects]:
             at = self._begins[region].copy()
-            left = int(self._at[region, 2] - at[2]) // MATERIAL_BYTES
+            layout = self._layout
+            left = int(self._at[region, 3] - at[3]) // layout.id_bytes
+            ahead = np.empty(0, np.uint32)  # the counts of polygons that come next
             while left:
-                n = min(left, OBJECTS_AT_ONCE)
-                counts = np.empty(0, np.uint32)
-                records = n
-                if self._layout.kind.counted:
-                    counts = self._read(at, 1, n * COUNT_BYTES).view(np.uint32)
+                records = n = min(left, OBJECTS_AT_ONCE)
+                if layout.kind.counted:
+                    if not len(ahead):
+                        ahead = self._read(at, 1, n * COUNT_BYTES).view(np.uint32)
+                    n = few_at_once(ahead)
+                    counts, ahead = ahead[:n], ahead[n:]
                     records = int(counts.sum(dtype=np.int64))
+                else:
+                    counts = ahead
+                geometry = self._read(at, 0, records * layout.stride)
+                materials = None
+                if layout.material_bytes:
+                    materials = self._read(at, 2, n * layout.material_bytes)
+                ids = self._read(at, 3, n * layout.id_bytes).view(f"<u{layout.id_bytes}")
                 yield Objects(
-                    self._read(at, 0, records * self._layout.stride),
-                    counts,
-                    self._read(at, 2, n * MATERIAL_BYTES).view(np.uint32),
-                    self._read(at, 3, n * ID_BYTES).view(np.uint64),
+                    geometry, counts, layout.materials(n, materials), ids.astype(np.uint64)
                 )
                 left -= n
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,7 +32,9 @@ class OrderedWindow(NamedTuple):
     treelets: NDArray[Any]
 
 
-def ordered(windows: Iterator[Objects], layout: Layout, threads: int) -> Iterator[OrderedWindow]:
+def ordered(
+    windows: Iterator[Objects], layout: Layout, threads: int
+) -> Generator[OrderedWindow, None, None]:
     """Yield windows in the order of their treelets."""
     builders: queue.SimpleQueue[TreeletBuilder] = queue.SimpleQueue()
 

@@ -60,7 +60,7 @@ def test_a_radius_that_is_given_is_that_of_spheres_too(npy):
 def test_numbers_are_stored_untouched(npy, dtype, small_blocks):
     rows = RNG.normal(size=(50, 4)).astype(dtype)
     np.save(npy, rows)
-    store = convert(npy)
+    store = convert(npy, order="given")
     (stream,) = store.streams
     assert stream.path("geometry").read_bytes() == rows.tobytes()
     assert any(store.origin) == (dtype == "f8")
@@ -70,7 +70,7 @@ def test_many_blocks_of_triangles(npy):
     """More than a block: threads work on what was read, and it is nobody else's then."""
     rows = RNG.normal(size=(150_000, 9)).astype(np.float32)
     np.save(npy, rows)
-    (stream,) = convert(npy).streams
+    (stream,) = convert(npy, order="given").streams
     assert stream.path("geometry").read_bytes() == rows.tobytes()
 
 

@@ -117,7 +117,7 @@ def test_progress_counts_bytes(npy, npz, small_blocks):
     np.savez(npz, centers=CENTERS)
     for path in (npy, npz):
         done = []
-        convert(path, radius=1, progress=done.append)
+        convert(path, radius=1, progress=done.append, order="given")
         assert done[-1] == max(done) == path.stat().st_size
 
 

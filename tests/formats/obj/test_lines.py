@@ -39,7 +39,7 @@ def test_vertices_of_3_4_6_and_7_numbers(file):
 def test_numbers_are_stored_untouched(file):
     vertices = np.ldexp(np.random.default_rng(2).normal(size=(30, 3)), 3)
     file.write_text(obj(np.arange(30).reshape(-1, 3).tolist(), vertices))
-    (stream,) = convert(file).streams
+    (stream,) = convert(file, order="given").streams
     assert stream.path("geometry").read_bytes() == vertices.tobytes()
 
 

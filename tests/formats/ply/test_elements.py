@@ -58,7 +58,7 @@ def test_numbers_are_stored_untouched(file, layout, size):
     xyz = [(axis, {4: "float", 8: "double"}[size]) for axis in "xyz"]
     rows = [[0, 1, 2], [3, 4, 5], *np.arange(6, 60).reshape(-1, 6).tolist()]
     file.write_bytes(mesh(layout, rows, vertices, xyz))
-    triangles, polygons = convert(file, polygons=True).streams
+    triangles, polygons = convert(file, polygons=True, order="given").streams
     assert triangles.path("geometry").read_bytes() == vertices[:6].tobytes()
     assert polygons.path("geometry").read_bytes() == vertices[6:].tobytes()
 
