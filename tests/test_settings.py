@@ -18,11 +18,19 @@ from bfrt.workers import usable_threads
 NO_MEMORY = "expected an amount such as 256MiB or 1.5GB"
 NO_COUNT = "expected a whole number of 1 or more"
 
+# fmt: off
 #: What every render, plan and query refuses, and what it says.
 REFUSED = [
     ("memory", "lots", f"memory: found 'lots', {NO_MEMORY}"),
     ("memory", 1.5, f"memory: found 1.5, {NO_MEMORY}"),
     ("memory", True, f"memory: found True, {NO_MEMORY}"),
+    ("memory", 10**30, "memory: found 2^99 bytes or more, expected fewer than 2^63, "
+     "as many as have addresses"),
+    ("memory", 1 << 63, "memory: found 2^63 bytes or more, expected fewer than 2^63, "
+     "as many as have addresses"),
+    ("memory", "8388608TiB", "memory: found 2^63 bytes or more, expected fewer than 2^63, "
+     "as many as have addresses"),
+    ("memory", "9" * 5000, f"memory: found {repr('9' * 5000)[:80]}, {NO_MEMORY}"),
     ("threads", 0, f"threads: found 0, {NO_COUNT}"),
     ("threads", -1, f"threads: found -1, {NO_COUNT}"),
     ("threads", 2.0, f"threads: found 2.0, {NO_COUNT}"),
@@ -36,6 +44,7 @@ REFUSED = [
     ("max_grid", "x", f"max_grid: found 'x', {NO_COUNT}"),
     ("scratch", "/no/such", "scratch: found /no/such, expected a folder that is there"),
 ]
+# fmt: on
 
 #: What a view refuses beside those.
 REFUSED_OF_A_VIEW = [
@@ -73,6 +82,25 @@ def test_each_is_refused_in_one_sentence(scene, name, value, said):
             return getattr(scene, query)(*rays, **settings)
 
         assert refusal(ask, **{name: value}) == said
+
+
+@pytest.mark.parametrize("memory", [(1 << 63) - 1, 1 << 62, "100TB"])
+def test_more_memory_than_the_machine_has_is_only_a_limit(tmp_path, memory):
+    """What is needed is taken: the answers are those of a small budget, in several groups too."""
+    made = bfrt.convert(["spd:tetra:2", "spd:balls:1"], tmp_path / "two.bfrt")
+    rays = np.random.default_rng(5).normal(size=(2, 40, 3))
+    for scene in (made, bfrt.spd.tetra(2).write(tmp_path / "one.bfrt")):
+        for query in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
+            ask = getattr(scene, query)
+            few, much = ask(*rays, memory="128MiB"), ask(*rays, memory=memory)
+            blocks = ask([tuple(rays)], memory=memory)
+            for key, values in few.items():
+                np.testing.assert_array_equal(values, much[key])
+                np.testing.assert_array_equal(values, blocks[key])
+        camera = bfrt.framing_camera(scene, resolution=(8, 8))
+        few, much = (scene.render(camera=camera, memory=m) for m in ("128MiB", memory))
+        np.testing.assert_array_equal(np.asarray(few), np.asarray(much))
+        assert scene.plan(memory=memory).as_dict()
 
 
 @pytest.mark.parametrize(("name", "value", "said"), REFUSED_OF_A_VIEW)
