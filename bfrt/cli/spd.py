@@ -8,11 +8,14 @@ from typing import Any
 
 import bfrt
 from bfrt.cli.bars import making_bar
-from bfrt.cli.options import add_hierarchy, command, hierarchy_of
+from bfrt.cli.options import Once, add_hierarchy, command, hierarchy_of
+from bfrt.cli.store import size_of
 from bfrt.conversion.sources import parse_spd
 from bfrt.errors import SettingError
+from bfrt.paths import check_apart, check_file, check_folder
 from bfrt.settings import at_least_one
 from bfrt.spd.mount import HASHES
+from bfrt.store.writer import check_new_store
 from bfrt.streams.atomic_write import atomic_path
 
 
@@ -21,8 +24,10 @@ def add_spd(commands: Any) -> None:
     made = command(commands, "spd", run_spd, "Make a standard scene of any size.")
     made.add_argument("name", help=names)
     made.add_argument("size", help="the size factor, 1 or more")
-    made.add_argument("-o", "--output", metavar="DIR", help="the store to make")
-    made.add_argument("--nff", metavar="FILE", help="write NFF text (- for standard output)")
+    made.add_argument("-o", "--output", action=Once, metavar="DIR", help="the store to make")
+    made.add_argument(
+        "--nff", action=Once, metavar="FILE", help="write NFF text (- for standard output)"
+    )
     made.add_argument(
         "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
     )
@@ -35,6 +40,8 @@ def run_spd(options: argparse.Namespace) -> None:
         raise SettingError("spd: nothing to make: expected -o DIR, --nff FILE or both")
     scene = parse_spd(f"spd:{options.name}:{options.size}", hash=options.hash)
     threads = None if options.threads is None else at_least_one("threads", options.threads)
+    hierarchy = hierarchy_of(options, scene.hierarchy)
+    check_outputs(options)
     if options.nff == "-":
         scene.write_nff(sys.stdout, threads=threads)
     elif options.nff is not None:
@@ -45,15 +52,23 @@ def run_spd(options: argparse.Namespace) -> None:
         ):
             scene.write_nff(file, threads=threads, progress=progress)
     if options.output is not None:
-        if not options.quiet:
-            print(
-                f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes",
-                file=sys.stderr,
-            )
         with making_bar(scene, "store", options.quiet) as progress:
-            scene.write(
+            made = scene.write(
                 options.output,
-                hierarchy=hierarchy_of(options, scene.hierarchy),
+                hierarchy=hierarchy,
                 threads=threads,
                 progress=progress,
             )
+        if not options.quiet:
+            print(size_of(made.store), file=sys.stderr)
+
+
+def check_outputs(options: argparse.Namespace) -> None:
+    """Refuse before the work what could not be written after it."""
+    text = [] if options.nff in (None, "-") else [options.nff]
+    for file in text:
+        check_file(file)
+    if options.output is not None:
+        target = check_new_store(options.output)
+        check_folder("spd", target.parent, ())
+        check_apart(options.output, *text)

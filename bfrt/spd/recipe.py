@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import Cancelled, DiskFullError, SettingError
+from bfrt.progress import check_report
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
 from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Scalar, Task
@@ -29,6 +30,7 @@ from bfrt.store.columns import prepare
 from bfrt.store.extent import Extent
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
+from bfrt.store.writer import check_new_store
 from bfrt.streams.atomic_write import refused
 from bfrt.workers import ahead, usable_threads
 
@@ -219,7 +221,8 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
-        check_room(path, self.store_bytes + self.hierarchy_bytes)
+        check_report(progress)
+        check_room(check_new_store(path), self.store_bytes + self.hierarchy_bytes)
         with SceneWriter(
             path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy
         ) as writer:
@@ -244,6 +247,7 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False; the file has the text written so far.
         """
+        check_report(progress)
         file.write(head_text(self.background, self.camera, self.lights))
         fills = [self.fill(number).encode() for number in range(len(self.materials))]
 
@@ -284,7 +288,8 @@ def phong_power(degrees: float) -> float:
 
 def check_room(path: str | os.PathLike[str], needed: int) -> None:
     """Refuse a store that the disk has no room for, before it is begun."""
-    folder = Path(os.path.realpath(path)).parent
+    target = Path(os.path.realpath(path))
+    folder = next(each for each in target.parents if each.exists())
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:

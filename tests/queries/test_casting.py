@@ -6,6 +6,7 @@ import resource
 import sys
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import fast
 import numpy as np
@@ -438,7 +439,7 @@ def test_answers_are_put_into_no_file_and_no_store(spheres, tmp_path):
         with pytest.raises(SettingError, match=r"found the file .*, expected a folder"):
             ask(*rays, out=tmp_path / "file")
         for folder in (spheres.path, spheres.path / "out"):
-            with pytest.raises(SettingError, match="which is in a store"):
+            with pytest.raises(SettingError, match="found it to be in the store"):
                 ask(*rays, out=folder)
     assert sorted(spheres.path.iterdir()) == before
 
@@ -479,7 +480,67 @@ def test_files_are_whole_or_not_there(spheres, tmp_path, monkeypatch, error):
     monkeypatch.setattr(answers.Columns, "put", fail)
     with pytest.raises((KeyboardInterrupt, bfrt.DiskFullError)):
         spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), out=tmp_path / "out")
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("ask", ["cast_rays", "list_intersections"])
+@pytest.mark.parametrize("renamed", [0, 1, 4])
+def test_all_files_are_there_or_none(spheres, tmp_path, monkeypatch, ask, renamed):
+    """An interrupt between two files that get their names takes the first with it."""
+    rename, done = Path.replace, []
+
+    def interrupt(path, target):
+        if len(done) == renamed:
+            raise KeyboardInterrupt
+        done.append(target)
+        return rename(path, target)
+
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    (tmp_path / "mine").touch()
+    for out in (tmp_path / "a" / "b", tmp_path):
+        monkeypatch.setattr(Path, "replace", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            getattr(spheres, ask)(*rays, out=out)
+        assert len(done) == renamed
+        done.clear()
+        assert sorted(tmp_path.iterdir()) == [tmp_path / "mine", spheres.path]
+        monkeypatch.setattr(Path, "replace", rename)
+    found = getattr(spheres, ask)(*rays, out=tmp_path / "a" / "b")
+    assert {path.stem for path in (tmp_path / "a" / "b").iterdir()} == set(found)
+
+
+@pytest.mark.parametrize(
+    ("place", "what"),
+    [
+        ("file/x/y", "out: found the file .*file, expected a folder .*file/x/y"),
+        ("n" * 300, "found too long a name"),
+        ("new/" + "n" * 300, "found too long a name"),
+        ("n/" * 3000, "found too long a name"),
+        ("a\0b", "expected a path without NUL"),
+        ("taken", "that is no file, expected a file or nothing"),
+        ("round", "expected a path to write to: Too many levels of symbolic links"),
+    ],
+)
+def test_a_folder_that_cannot_be_is_found_before_tracing(
+    spheres, tmp_path, monkeypatch, place, what
+):
+    (tmp_path / "file").touch()
+    (tmp_path / "round").symlink_to(tmp_path / "round")
+    for key in ("t_hit", "occluded", "counts"):
+        (tmp_path / "taken" / f"{key}.npy").mkdir(parents=True)
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.setattr(spheres, "_session", lambda settings: pytest.fail("tracing"))
+    for name in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
+        with pytest.raises(SettingError, match=what) as caught:
+            getattr(spheres, name)(np.zeros((1, 3)), np.ones((1, 3)), out=f"{tmp_path}/{place}")
+        assert len(str(caught.value)) < 1000
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_folder_that_is_not_ours_is_found_before_tracing(spheres, tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: Path(path) != tmp_path)
+    with pytest.raises(SettingError, match="expected one that we may write to"):
+        spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), out=tmp_path / "new" / "er")
 
 
 def test_an_unknown_setting_is_refused(spheres):
