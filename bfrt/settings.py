@@ -14,6 +14,7 @@ import numpy as np
 
 from bfrt.errors import SettingError
 from bfrt.memory import default_memory, parse_memory
+from bfrt.paths import path_of
 from bfrt.workers import usable_threads
 
 
@@ -137,7 +138,7 @@ def folder_of(name: str, value: str | os.PathLike[str]) -> Path:
     SettingError
         If it is not.
     """
-    folder = Path(value)
+    folder = path_of(name, value)
     if not folder.is_dir():
         raise SettingError(f"{name}: found {folder}, expected a folder that is there")
     return folder

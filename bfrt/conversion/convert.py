@@ -22,6 +22,8 @@ from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
+from bfrt.paths import path_of
+from bfrt.progress import check_report
 from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy
@@ -167,6 +169,8 @@ def convert(
         If the system refuses a read or a write; nothing is left behind.
     """
     sources = sources_of(source)
+    beside = path_of("store", target).resolve().parent
+    check_report(progress)
     reading = Reading(
         radius=radius,
         positions=positions,
@@ -176,7 +180,7 @@ def convert(
         skip_invalid=skip_invalid,
         triangulate=triangulate,
         polygons=polygons,
-        scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
+        scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
     )
     budget = default_memory() if memory is None else parse_memory(memory)

@@ -15,6 +15,7 @@ from bfrt.errors import SettingError
 from bfrt.image.exr import write_exr
 from bfrt.image.image_buffer import forget
 from bfrt.image.png import encode_png, write_png
+from bfrt.masks import is_masked
 from bfrt.paths import check_outside, path_of
 from bfrt.stats import Stats
 from bfrt.streams.atomic_write import atomic_path, put
@@ -176,6 +177,8 @@ def _check_channels(channels: Mapping[str, npt.NDArray[Any]]) -> None:
         raise SettingError(f"image: R: found shape {shape}, expected (height, width)")
     for name, pixels in channels.items():
         wanted = np.dtype(np.uint32 if name.startswith("id.") else np.float32)
+        if is_masked(pixels):
+            raise SettingError(f"image: {name}: found masked elements, expected a value for each")
         if pixels.shape != shape or pixels.dtype != wanted:
             raise SettingError(
                 f"image: {name}: found {pixels.dtype} of shape {pixels.shape}, "

@@ -13,6 +13,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
+from bfrt.masks import is_masked
 from bfrt.paths import check_folder
 from bfrt.records import plain
 from bfrt.streams.atomic_write import atomic_paths, refused
@@ -105,8 +106,9 @@ def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[A
         if key not in fields:
             raise SettingError(f"out: found {key!r}, expected some of {', '.join(fields)}")
         dtype, shape = fields[key]
-        if not isinstance(array, np.ndarray) or not array.flags.writeable:
+        if not isinstance(array, np.ndarray) or not array.flags.writeable or is_masked(array):
             kind = "read-only" if isinstance(array, np.ndarray) else type(array).__name__
+            kind = "masked" if is_masked(array) else kind
             raise SettingError(f"out: found {key} that is {kind}, expected an array to fill")
         expected = (len(array) if count is None else count, *shape)
         if array.shape != expected or array.dtype != np.dtype(dtype):

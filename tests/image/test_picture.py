@@ -64,6 +64,11 @@ def test_channels_that_are_no_picture_are_refused(channels, message):
         Image(channels)
 
 
+def test_a_masked_channel_is_refused():
+    with pytest.raises(SettingError, match="image: B: found masked elements, expected a value"):
+        Image(color() | {"B": np.ma.masked_equal(np.eye(2, 3, dtype=np.float32), 1)})
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_no_picture_is_put_into_a_store(make_image, tmp_path, suffix):
     store = bfrt.spd.tetra(1).write(tmp_path / "s.bfrt").path

@@ -30,6 +30,9 @@ from bfrt.scene import Scene
 READ_ONLY = np.zeros(2)
 READ_ONLY.flags.writeable = False
 
+#: Of two elements in each row the first has no value.
+MASKED = np.ma.masked_equal(np.tile([7.0, 1.0, 1.0], (2, 1)), 7.0)
+
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
 #: Budgets as a query gets them: plenty, and so little that all goes to disk.
@@ -422,6 +425,25 @@ def test_no_objects(tmp_path):
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": b"x"}, "out: found bytes"),
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": [0.0, 0.0]}}, "t_hit that is list"),
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": READ_ONLY}}, "that is read-only"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_max": [[1], [1, 2]]}, "t_max: found rows of sev"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_min": [[1], [1, 2]]}, "t_min: found rows of sev"),
+        ((iter([]),), {"t_max": [[1], [1, 2]]}, "t_max: found rows of several lengths"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"progress": None}, "progress: found None, expected"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"progress": 1}, "progress: found 1, expected True"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"scratch": 7}, "scratch: found int, expected a pa"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"scratch": "a\0"}, "scratch: .* without NUL"),
+        (("a\0.npy", "a\0.npy"), {}, "origins: found 'a.x00.npy', expected a path without NUL"),
+        ((MASKED, np.ones((2, 3))), {}, "origins: found masked elements, expected numbers"),
+        ((np.ones((2, 3)), MASKED), {}, "directions: found masked elements"),
+        (([*MASKED], np.ones((2, 3))), {}, "origins: found masked elements"),
+        (([(MASKED, np.ones((2, 3)))],), {}, "origins: found masked elements"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_max": MASKED[0, :2]}, "t_max: found masked"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_min": np.ma.masked}, "t_min: found masked"),
+        (
+            (np.zeros((2, 3)), np.ones((2, 3))),
+            {"out": {"t_hit": MASKED[0, :2]}},
+            "t_hit that is ma",
+        ),
         (([[0, 0, 0], [0, 0]], np.ones((2, 3))), {}, "origins: found rows of several lengths"),
         (("no.npy", "no.npy"), {}, "no.npy: expected an .npy file of origins"),
     ],
@@ -429,6 +451,22 @@ def test_no_objects(tmp_path):
 def test_refused_in_one_sentence(spheres, arguments, settings, what):
     with pytest.raises(SettingError, match=what):
         spheres.cast_rays(*arguments, **settings)
+
+
+def test_what_is_no_scene():
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    with pytest.raises(SettingError, match="store: found int, expected a path"):
+        bfrt.cast_rays(3, *rays)
+    with pytest.raises(SettingError, match=r"store: found 'a.x00b', expected a path without NUL"):
+        bfrt.open("a\0b")
+    with pytest.raises(SettingError, match="store: found NoneType, expected a path"):
+        bfrt.render(None)
+
+
+def test_an_array_without_a_masked_element_is_one(spheres):
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    found = spheres.cast_rays(*map(np.ma.asarray, rays), out={"t_hit": np.ma.zeros(1)})
+    np.testing.assert_array_equal(found["t_hit"], spheres.cast_rays(*rays)["t_hit"])
 
 
 def test_answers_are_put_into_no_file_and_no_store(spheres, tmp_path):
