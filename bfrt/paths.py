@@ -82,23 +82,38 @@ def check_folder(name: str, path: str | os.PathLike[str], files: Iterable[str]) 
     given = path_of(name, path)
     place = f"{name}: {given}"
     folder = Path(os.path.realpath(given))
-    for each in (folder, *folder.parents):
-        mode = _mode(place, each)
-        if mode is not None:
-            break
-    if mode is not None and not stat.S_ISDIR(mode):
+    each = check_names(place, folder)
+    if not each.is_dir():
         raise SettingError(f"{name}: found the file {each}, expected a folder {given}")
     _check_ours(place, each)
     check_outside(place, folder)
-    longest = os.pathconf(each, "PC_NAME_MAX") if hasattr(os, "pathconf") else 255
-    for part in folder.relative_to(each).parts:
-        if len(os.fsencode(part)) > longest:
-            raise _too_long(place)
     for file in files:
         mode = _mode(place, folder / file)
         if mode is not None and not stat.S_ISREG(mode):
             raise SettingError(f"{place}: found {file} that is no file, expected a file or nothing")
     return given
+
+
+def check_names(place: str, path: Path) -> Path:
+    """Refuse names that are too long; return what there is of a path, its first folders or all.
+
+    Parameters
+    ----------
+    place : str
+        What the error begins with.
+    path : Path
+        One without links.
+
+    Raises
+    ------
+    SettingError
+        If one is.
+    """
+    there = next(each for each in (path, *path.parents) if _mode(place, each) is not None)
+    longest = os.pathconf(there, "PC_NAME_MAX") if hasattr(os, "pathconf") else 255
+    if any(len(os.fsencode(part)) > longest for part in path.relative_to(there).parts):
+        raise _too_long(place)
+    return there
 
 
 def check_outside(place: str, path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bfrt
-from bfrt.errors import SettingError
+from bfrt.errors import BudgetError, SettingError
 from bfrt.memory import default_memory
 from bfrt.settings import REFINEMENTS, Settings, at_least_one, scratch_folder
 from bfrt.workers import usable_threads
@@ -38,6 +38,7 @@ REFUSED = [
     ("threads", "2", f"threads: found '2', {NO_COUNT}"),
     ("refine", "fast", "refine: found 'fast', expected one of base, sg, sgb"),
     ("refine", "SGB", "refine: found 'SGB', expected one of base, sg, sgb"),
+    ("refine", ["sg"], "refine: found ['sg'], expected one of base, sg, sgb"),
     ("grid", 0, f"grid: found 0, {NO_COUNT}"),
     ("grid", 1.5, f"grid: found 1.5, {NO_COUNT}"),
     ("max_grid", -7, f"max_grid: found -7, {NO_COUNT}"),
@@ -50,6 +51,11 @@ REFUSED = [
 REFUSED_OF_A_VIEW = [
     ("samples", 0, f"samples: found 0, {NO_COUNT}"),
     ("samples", 1.0, f"samples: found 1.0, {NO_COUNT}"),
+    ("samples", 1 << 31, "samples: found more than 2147483647, expected a number from 1 to that"),
+    ("samples", 10**30, "samples: found more than 2147483647, expected a number from 1 to that"),
+    ("camera", 3, "camera: found int, expected a Camera or None"),
+    ("aovs", 3, "aovs: found 3, expected a sequence of position, albedo"),
+    ("aovs", None, "aovs: found None, expected a sequence of position, albedo"),
     ("depth", 0, f"depth: found 0, {NO_COUNT}"),
     ("depth", None, f"depth: found None, {NO_COUNT}"),
     ("aovs", "albedo", "aovs: found 'albedo', expected a sequence of position, albedo"),
@@ -107,6 +113,16 @@ def test_more_memory_than_the_machine_has_is_only_a_limit(tmp_path, memory):
 def test_those_of_a_view_too(scene, name, value, said):
     assert refusal(scene.render, **{name: value}) == said
     assert refusal(scene.plan, **{name: value}) == said
+
+
+@pytest.mark.parametrize("value", [70_000, 1 << 40, 1 << 63, 10**30])
+def test_more_voxels_than_there_can_be(scene, value, recwarn):
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    with pytest.raises(BudgetError, match=f"grid: found {value} voxels on the longest axis"):
+        scene.cast_rays(*rays, grid=value)
+    found = scene.cast_rays(*rays, max_grid=value)
+    np.testing.assert_array_equal(found["t_hit"], scene.cast_rays(*rays)["t_hit"])
+    assert not recwarn.list
 
 
 def test_a_file_is_no_folder(scene, tmp_path):

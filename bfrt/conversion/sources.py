@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -74,6 +74,8 @@ def sources_of(given: PathLike | Sequence[PathLike]) -> tuple[SceneSource, ...]:
         If there is none, or one that nothing reads or makes.
     """
     each = [given] if isinstance(given, (str, os.PathLike)) else given
+    if not isinstance(each, Iterable):
+        raise SettingError(f"source: found {type(given).__name__}, expected a path, or several")
     names = [str(path_of("source", one)) for one in each]
     if not names:
         raise SettingError("convert: found no scene, expected one or more")

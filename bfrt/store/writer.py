@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.paths import HEADER, MAGIC, check_outside, path_of
+from bfrt.paths import HEADER, MAGIC, check_names, check_outside, path_of
 from bfrt.records import Kind
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
@@ -41,13 +41,14 @@ def check_new_store(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     SettingError
-        If it is something else than a store, or in one.
+        If it is something else than a store, or in one, or has too long a name.
     """
     given = path_of("store", path)
     target = Path(os.path.realpath(given))
     if os.path.lexists(target) and not has_magic(target):
         raise SettingError(f"{given}: exists and is no scene store: it is not replaced")
     check_outside(str(given), target.parent)
+    check_names(str(given), target)
     return given
 
 

@@ -878,6 +878,18 @@ def test_masked_elements_are_refused(folder, call, arguments, name):
         StoreWriter(folder / "a.bfrt", origin=np.ma.masked_less(np.eye(1, 3)[0], 1))
 
 
+@pytest.mark.parametrize("dtype", ["foo", "f2", int, 7])
+def test_a_dtype_that_is_none_of_the_two(folder, dtype):
+    with pytest.raises(SettingError, match=r"dtype: found .*, expected float32, float64 or None"):
+        StoreWriter(folder / "a.bfrt", dtype=dtype)
+
+
+@pytest.mark.parametrize("name", ["n" * 300, "new/" + "n" * 300])
+def test_too_long_a_name_is_found_before_the_work(folder, name):
+    with pytest.raises(SettingError, match="found too long a name"):
+        StoreWriter(folder / name)
+
+
 def test_a_masked_array_without_a_masked_element_is_one(folder):
     with StoreWriter(folder / "a.bfrt") as writer:
         writer.material(Material())
