@@ -50,7 +50,7 @@ def _bytes_of(text: str | int) -> int:
     if isinstance(text, (int, np.integer)) and not isinstance(text, bool):
         return int(text)
     match = isinstance(text, str) and re.fullmatch(
-        r"\s*([0-9]{1,40}(?:\.[0-9]{1,40})?)\s*([A-Za-z]*)\s*", text
+        r"\s*([0-9]{1,999}(?:\.[0-9]{1,999})?)\s*([A-Za-z]*)\s*", text
     )
     if not match or match[2] not in UNITS:
         raise SettingError(
