@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
@@ -20,6 +21,9 @@ for _power, _letter in enumerate("KMGT", 1):
 #: Interpreter, NumPy, OpenEXR, our code and stacks (measured: 44 MiB), and the allocator's slack.
 BASELINE = 52 << 20
 
+#: The most bytes that this machine's addresses tell apart: 8 EiB less one where they have 64 bits.
+MOST = sys.maxsize
+
 #: Where Linux says which cgroups this process is in, and what their limits are.
 OWN_CGROUPS = Path("/proc/self/cgroup")
 CGROUPS = Path("/sys/fs/cgroup")
@@ -31,15 +35,27 @@ def parse_memory(text: str | int) -> int:
     Raises
     ------
     SettingError
-        If it is not an amount of memory.
+        If it is not an amount of memory, or is more than any machine of this kind has.
     """
+    amount = _bytes_of(text)
+    if amount > MOST:
+        raise SettingError(
+            f"memory: found 2^{amount.bit_length() - 1} bytes or more, expected fewer than "
+            f"2^{MOST.bit_length()}, as many as have addresses"
+        )
+    return amount
+
+
+def _bytes_of(text: str | int) -> int:
     if isinstance(text, (int, np.integer)) and not isinstance(text, bool):
         return int(text)
     match = isinstance(text, str) and re.fullmatch(
-        r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]*)\s*", text
+        r"\s*([0-9]{1,999}(?:\.[0-9]{1,999})?)\s*([A-Za-z]*)\s*", text
     )
     if not match or match[2] not in UNITS:
-        raise SettingError(f"memory: found {text!r}, expected an amount such as 256MiB or 1.5GB")
+        raise SettingError(
+            f"memory: found {text!r:.80}, expected an amount such as 256MiB or 1.5GB"
+        )
     return int(Fraction(match[1]) * UNITS[match[2]])
 
 

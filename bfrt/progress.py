@@ -143,12 +143,28 @@ def tell(report: Report, progress: Progress) -> None:
         )
 
 
+def check_report(report: object) -> None:
+    """Refuse what is neither a function nor None, before the work that would be told to it.
+
+    Raises
+    ------
+    SettingError
+        If it is.
+    """
+    if report is not None and not callable(report):
+        raise SettingError(f"progress: found {report!r:.80}, expected a function or None")
+
+
 @contextmanager
 def reporting(progress: bool | Report) -> Iterator[Report]:
     """Yield the function that takes reports: one that ignores them, the caller's, or a bar."""
     if progress is False:
         yield lambda _: None
     elif progress is not True:
+        if not callable(progress):
+            raise SettingError(
+                f"progress: found {progress!r:.80}, expected True, False or a function"
+            )
         yield progress
     else:
         with Bar() as bar:

@@ -14,6 +14,7 @@ import numpy as np
 
 from bfrt.errors import SettingError
 from bfrt.memory import default_memory, parse_memory
+from bfrt.paths import path_of
 from bfrt.workers import usable_threads
 
 
@@ -102,7 +103,7 @@ class Settings:
         SettingError
             For the first that cannot be honoured.
         """
-        if refine not in REFINEMENTS:
+        if not isinstance(refine, str) or refine not in REFINEMENTS:
             raise SettingError(
                 f"refine: found {refine!r}, expected one of {', '.join(REFINEMENTS)}"
             )
@@ -125,8 +126,8 @@ class Settings:
         return scratch_folder(self.scratch, path)
 
 
-def at_least_one(name: str, value: int) -> int:
-    """Return the value, if it is a whole number of 1 or more.
+def at_least_one(name: str, value: int, most: int | None = None) -> int:
+    """Return the value, if it is a whole number of 1 or more, up to `most` where that is given.
 
     Raises
     ------
@@ -135,6 +136,8 @@ def at_least_one(name: str, value: int) -> int:
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
         raise SettingError(f"{name}: found {value!r}, expected a whole number of 1 or more")
+    if most is not None and value > most:
+        raise SettingError(f"{name}: found more than {most}, expected a number from 1 to that")
     return int(value)
 
 
@@ -146,7 +149,7 @@ def folder_of(name: str, value: str | os.PathLike[str]) -> Path:
     SettingError
         If it is not.
     """
-    folder = Path(value)
+    folder = path_of(name, value)
     if not folder.is_dir():
         raise SettingError(f"{name}: found {folder}, expected a folder that is there")
     return folder

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from bfrt.errors import SettingError
@@ -16,6 +16,9 @@ from bfrt.store.store import Store
 #: SPD's procedure: one ray at each pixel corner, five hits deep.
 CORNERS = 0
 DEPTH = 5
+
+#: Samples of a pixel have numbers of 31 bits.
+MOST_SAMPLES = (1 << 31) - 1
 
 
 @dataclass(frozen=True)
@@ -61,13 +64,15 @@ class View:
             For the first that cannot be honoured; if there is no camera, and no object that one
             could frame.
         """
+        if camera is not None and not isinstance(camera, Camera):
+            raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera or None")
         camera = camera or store.camera or framing_camera(store)
         added = [] if store.lights else framing_lights(store, camera)
         return cls(
             camera=camera,
             lights=[*store.lights, *added],
             added=added,
-            samples=CORNERS if samples is None else at_least_one("samples", samples),
+            samples=CORNERS if samples is None else at_least_one("samples", samples, MOST_SAMPLES),
             depth=at_least_one("depth", depth),
             aovs=aovs_of(aovs),
         )
@@ -92,6 +97,10 @@ def aovs_of(names: Sequence[str]) -> tuple[str, ...]:
     SettingError
         For a name that is none of them.
     """
+    if not isinstance(names, Iterable):
+        raise SettingError(
+            f"aovs: found {names!r:.80}, expected a sequence of {', '.join(ON_REQUEST)}"
+        )
     unknown = [name for name in names if name not in ON_REQUEST]
     if unknown or isinstance(names, str):
         found = repr(names if isinstance(names, str) else unknown[0])

@@ -138,9 +138,22 @@ def test_spd_makes_stores_and_text(tmp_path):
     assert again.geometries == bfrt.open(store).geometries
 
 
-def test_spd_says_what_it_will_write(tmp_path):
-    said = run("spd", "tetra", 3, "-o", tmp_path / "a.bfrt").stderr
-    assert said == f"{tmp_path / 'a.bfrt'}: 64 objects, 3,872 bytes\n"
+@pytest.mark.parametrize(("name", "size"), [("tetra", 3), ("gears", 2), ("balls", 2)])
+def test_spd_says_what_it_has_written(tmp_path, name, size, capsys):
+    """The bytes are those that ``bfrt info`` and ``bfrt verify`` tell, and those of the files."""
+    store = str(tmp_path / "a.bfrt")
+    said = run("spd", name, size, "-o", store).stderr
+    assert main(["info", "--json", store]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert said == f"{store}: {facts['objects']:,} objects, {facts['bytes']:,} bytes\n"
+    files = [path for path in (tmp_path / "a.bfrt").rglob("*") if path.is_file()]
+    made = (tmp_path / "a.bfrt" / "made.json").stat().st_size
+    assert facts["bytes"] == sum(path.stat().st_size for path in files) - made
+    assert main(["verify", store]) == 0
+    assert capsys.readouterr().out == f"{said[:-1]}, all as written\n"
+
+
+def test_spd_is_quiet(tmp_path):
     assert run("spd", "tetra", 3, "-o", tmp_path / "a.bfrt", "--quiet").stderr == ""
 
 
@@ -256,6 +269,44 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
         (["render", "scene.nff", "--plan"], 2, "scene.nff: found no scene store to plan for"),
         (["render", "spd:rings:3", "--plan"], 2, "spd:rings:3: found no scene store"),
         (["render", "no.bfrt", "--plan"], 1, "not a scene store"),
+        (["render", "scene.nff", "-o", "x.png", "--resolution", "0x5"], 2, r"resolution \(0, 5\)"),
+        (["render", "scene.nff", "-o", "x.png", "--resolution", "9", "65536"], 2, "1 to 65535"),
+        (["render", "scene.nff", "-o", "x.png", "--angle", "0"], 2, "expected 0 < angle < 180"),
+        (["render", "scene.nff", "-o", "x.png", "--angle", "nan"], 2, "expected finite numbers"),
+        (["render", "scene.nff", "-o", "x.png", "--up", "0", "0", "0"], 2, "does not span a view"),
+        (["render", "spd:tetra:2", "-o", "x.png", "--angle", "180"], 2, "angle 180, expected"),
+        (["render", "scene.nff", "-o", "no/x.png"], 2, "no/x.png: found no folder .*no, expected"),
+        (["render", "scene.nff", "-o", "scene.nff/x.png"], 2, "found no folder .*scene.nff"),
+        (["render", "scene.nff", "-o", "x.png", "-o", "no/x.exr"], 2, "no/x.exr: found no folder"),
+        (["render", "scene.nff", "-o", "x.png", "--stats", "no/x.json"], 2, "found no folder"),
+        (["render", "scene.nff", "-o", "x.png", "--stats", "."], 2, "something else than a file"),
+        (["render", "scene.nff", "-o", "x.png", "--stats", ""], 2, "something else than a file"),
+        (["render", "scene.nff", "-o", "x.png", "--stats", "./x.png"], 2, "x.png: found it twice"),
+        (["render", "scene.nff", "-o", "x.png", "-o", "x.png"], 2, "x.png: found it twice"),
+        (
+            ["render", "scene.nff", "-o", "x.png", "--stats", "scene.nff"],
+            2,
+            "scene.nff: found it tw",
+        ),
+        (
+            ["render", "scene.nff", "-o", "x.png", "--stats", "a", "--stats", "b"],
+            2,
+            "expected it once",
+        ),
+        (["render", "scene.nff", "-o", "n" * 300 + ".png"], 2, "found too long a name"),
+        (
+            ["convert", "scene.nff", "-o", "x.bfrt", "-o", "y.bfrt"],
+            2,
+            "'x.bfrt' and 'y.bfrt', expec",
+        ),
+        (["convert", "spd:tetra:1", "-o", "x.bfrt", "--output=y.bfrt"], 2, "expected it once"),
+        (["spd", "rings", "1", "-o", "x.bfrt", "-o", "y.bfrt"], 2, "expected it once"),
+        (["spd", "rings", "1", "--nff", "x.nff", "--nff", "-"], 2, "expected it once"),
+        (["spd", "rings", "1", "--nff", "x.nff", "-o", "x.nff"], 2, "x.nff: found it twice"),
+        (["spd", "rings", "1", "--nff", "x.nff", "-o", "scene.nff"], 2, "is no scene store"),
+        (["spd", "rings", "1", "--nff", "x.nff", "-o", "scene.nff/x"], 2, "found the file .*nff"),
+        (["spd", "rings", "1", "--nff", "no/x.nff"], 2, "found no folder"),
+        (["spd", "rings", "1", "--nff", "x.nff", "-o", "x.bfrt", "--hierarchy", "s=0"], 2, "s > 0"),
         (["spd", "rings", "0", "-o", "x.bfrt"], 2, "expected 1 or more"),
         (["spd", "rings", "3"], 2, "expected -o"),
         (["convert", "no.nff", "-o", "x.bfrt"], 1, "no.nff"),
@@ -269,6 +320,50 @@ def test_wrong_use_says_why(nff, arguments, status, words):
     assert re.search(words, done.stderr), done.stderr
     assert "Traceback" not in done.stderr
     assert names(nff.parent) == ["scene.nff"]
+
+
+@pytest.mark.parametrize("radius", ["-1", "0", "-0", "nan", "inf", "-inf"])
+def test_a_radius_of_points_that_nobody_could_see(tmp_path, radius):
+    np.save(tmp_path / "a.npy", np.zeros((5, 3)))
+    done = run("convert", "a.npy", "-o", "x.bfrt", f"--radius={radius}", cwd=tmp_path)
+    assert done.returncode == 2
+    expected = f"bfrt: radius: found {float(radius)}, expected a finite number above 0\n"
+    assert done.stderr == expected
+    for wrong in (float(radius), np.float32(radius), [1.0], True):
+        with pytest.raises(bfrt.SettingError, match=r"radius: found .*, expected a finite number"):
+            bfrt.convert(tmp_path / "a.npy", tmp_path / "x.bfrt", radius=wrong)
+    assert names(tmp_path) == ["a.npy"]
+
+
+def test_outputs_are_checked_before_the_work(tmp_path, monkeypatch, capsys):
+    """What could not be written after a render is found before it, and stores stay as they are."""
+    store = bfrt.spd.tetra(2).write(tmp_path / "s.bfrt").path
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.setattr(bfrt.Scene, "render", lambda *_, **__: pytest.fail("rendering"))
+    (tmp_path / "link.png").symlink_to(store / "x.png")
+    for inside in (store / "x.png", store / "0" / "x.png", tmp_path / "link.png"):
+        assert main(["render", str(store), "-o", str(inside)]) == 2
+        assert f"found it to be in the store {store}" in capsys.readouterr().err
+    stats = ["--stats", str(store / "scene.json")]
+    assert main(["render", str(store), "-o", str(tmp_path / "x.png"), *stats]) == 2
+    assert main(["spd", "tetra", "1", "--nff", str(store / "x.nff")]) == 2
+    assert main(["convert", "spd:tetra:1", "-o", str(store / "x.bfrt")]) == 2
+    assert main(["spd", "tetra", "1", "-o", str(store / "0" / "x.bfrt")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == said.count(f"found it to be in the store {store}") == 4
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    assert main(["render", str(store), "-o", str(tmp_path / "x.png")]) == 2
+    assert "expected one that we may write to" in capsys.readouterr().err
+    (tmp_path / "link.png").unlink()
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_store_goes_to_a_new_folder(tmp_path):
+    """With the folders above it, as a converted one does."""
+    for made in (["spd", "tetra", "2"], ["convert", "spd:tetra:2"]):
+        path = tmp_path / made[0] / "a" / "s.bfrt"
+        assert main([*made, "-o", str(path)]) == 0
+        assert bfrt.open(path).objects == 16
 
 
 def test_a_plan_is_printed_and_nothing_written(nff, tmp_path, capsys):

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parent.parent / "bfrt"
 #: From the ground up; what stands in one line may import from those before, and from itself.
 LAYERS = [
     {"bits", "errors", "process", "records", "stats", "workers"},
-    {"ids", "memory", "planned", "progress"},
+    {"ids", "masks", "memory", "paths", "planned", "progress"},
     {"settings"},
     {"geometry"},
     {"streams"},

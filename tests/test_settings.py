@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bfrt
-from bfrt.errors import SettingError
+from bfrt.errors import BudgetError, SettingError
 from bfrt.memory import default_memory
 from bfrt.settings import REFINEMENTS, Settings, at_least_one, scratch_folder
 from bfrt.workers import usable_threads
@@ -18,11 +18,19 @@ from bfrt.workers import usable_threads
 NO_MEMORY = "expected an amount such as 256MiB or 1.5GB"
 NO_COUNT = "expected a whole number of 1 or more"
 
+# fmt: off
 #: What every render, plan and query refuses, and what it says.
 REFUSED = [
     ("memory", "lots", f"memory: found 'lots', {NO_MEMORY}"),
     ("memory", 1.5, f"memory: found 1.5, {NO_MEMORY}"),
     ("memory", True, f"memory: found True, {NO_MEMORY}"),
+    ("memory", 10**30, "memory: found 2^99 bytes or more, expected fewer than 2^63, "
+     "as many as have addresses"),
+    ("memory", 1 << 63, "memory: found 2^63 bytes or more, expected fewer than 2^63, "
+     "as many as have addresses"),
+    ("memory", "8388608TiB", "memory: found 2^63 bytes or more, expected fewer than 2^63, "
+     "as many as have addresses"),
+    ("memory", "9" * 5000, f"memory: found {repr('9' * 5000)[:80]}, {NO_MEMORY}"),
     ("threads", 0, f"threads: found 0, {NO_COUNT}"),
     ("threads", -1, f"threads: found -1, {NO_COUNT}"),
     ("threads", 2.0, f"threads: found 2.0, {NO_COUNT}"),
@@ -30,17 +38,24 @@ REFUSED = [
     ("threads", "2", f"threads: found '2', {NO_COUNT}"),
     ("refine", "fast", "refine: found 'fast', expected one of base, sg, sgb"),
     ("refine", "SGB", "refine: found 'SGB', expected one of base, sg, sgb"),
+    ("refine", ["sg"], "refine: found ['sg'], expected one of base, sg, sgb"),
     ("grid", 0, f"grid: found 0, {NO_COUNT}"),
     ("grid", 1.5, f"grid: found 1.5, {NO_COUNT}"),
     ("max_grid", -7, f"max_grid: found -7, {NO_COUNT}"),
     ("max_grid", "x", f"max_grid: found 'x', {NO_COUNT}"),
     ("scratch", "/no/such", "scratch: found /no/such, expected a folder that is there"),
 ]
+# fmt: on
 
 #: What a view refuses beside those.
 REFUSED_OF_A_VIEW = [
     ("samples", 0, f"samples: found 0, {NO_COUNT}"),
     ("samples", 1.0, f"samples: found 1.0, {NO_COUNT}"),
+    ("samples", 1 << 31, "samples: found more than 2147483647, expected a number from 1 to that"),
+    ("samples", 10**30, "samples: found more than 2147483647, expected a number from 1 to that"),
+    ("camera", 3, "camera: found int, expected a Camera or None"),
+    ("aovs", 3, "aovs: found 3, expected a sequence of position, albedo"),
+    ("aovs", None, "aovs: found None, expected a sequence of position, albedo"),
     ("depth", 0, f"depth: found 0, {NO_COUNT}"),
     ("depth", None, f"depth: found None, {NO_COUNT}"),
     ("aovs", "albedo", "aovs: found 'albedo', expected a sequence of position, albedo"),
@@ -75,10 +90,39 @@ def test_each_is_refused_in_one_sentence(scene, name, value, said):
         assert refusal(ask, **{name: value}) == said
 
 
+@pytest.mark.parametrize("memory", [(1 << 63) - 1, 1 << 62, "100TB"])
+def test_more_memory_than_the_machine_has_is_only_a_limit(tmp_path, memory):
+    """What is needed is taken: the answers are those of a small budget, in several groups too."""
+    made = bfrt.convert(["spd:tetra:2", "spd:balls:1"], tmp_path / "two.bfrt")
+    rays = np.random.default_rng(5).normal(size=(2, 40, 3))
+    for scene in (made, bfrt.spd.tetra(2).write(tmp_path / "one.bfrt")):
+        for query in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
+            ask = getattr(scene, query)
+            few, much = ask(*rays, memory="128MiB"), ask(*rays, memory=memory)
+            blocks = ask([tuple(rays)], memory=memory)
+            for key, values in few.items():
+                np.testing.assert_array_equal(values, much[key])
+                np.testing.assert_array_equal(values, blocks[key])
+        camera = bfrt.framing_camera(scene, resolution=(8, 8))
+        few, much = (scene.render(camera=camera, memory=m) for m in ("128MiB", memory))
+        np.testing.assert_array_equal(np.asarray(few), np.asarray(much))
+        assert scene.plan(memory=memory).as_dict()
+
+
 @pytest.mark.parametrize(("name", "value", "said"), REFUSED_OF_A_VIEW)
 def test_those_of_a_view_too(scene, name, value, said):
     assert refusal(scene.render, **{name: value}) == said
     assert refusal(scene.plan, **{name: value}) == said
+
+
+@pytest.mark.parametrize("value", [70_000, 1 << 40, 1 << 63, 10**30])
+def test_more_voxels_than_there_can_be(scene, value, recwarn):
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    with pytest.raises(BudgetError, match=f"grid: found {value} voxels on the longest axis"):
+        scene.cast_rays(*rays, grid=value)
+    found = scene.cast_rays(*rays, max_grid=value)
+    np.testing.assert_array_equal(found["t_hit"], scene.cast_rays(*rays)["t_hit"])
+    assert not recwarn.list
 
 
 def test_a_file_is_no_folder(scene, tmp_path):

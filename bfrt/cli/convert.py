@@ -6,7 +6,14 @@ import argparse
 from typing import Any
 
 from bfrt.cli.bars import bars
-from bfrt.cli.options import add_hierarchy, add_order, add_reading, command, hierarchy_of
+from bfrt.cli.options import (
+    Once,
+    add_hierarchy,
+    add_order,
+    add_reading,
+    command,
+    hierarchy_of,
+)
 from bfrt.conversion.convert import convert
 from bfrt.conversion.sources import READERS
 from bfrt.scene import PathLike, Scene
@@ -21,7 +28,9 @@ def add_convert(commands: Any) -> None:
         help=f"a file ({' '.join(READERS)}), - for NFF from standard input, or spd:NAME:SIZE; "
         "of several, each is a group",
     )  # fmt: skip
-    made.add_argument("-o", "--output", required=True, help="the store to make (X.bfrt)")
+    made.add_argument(
+        "-o", "--output", action=Once, required=True, help="the store to make (X.bfrt)"
+    )
     made.add_argument("--memory", help="budget of the whole process (default: a quarter)")
     made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
     add_order(made, "auto")

@@ -16,6 +16,22 @@ READING = (
 )  # fmt: skip
 
 
+class Once(argparse.Action):
+    """Stores an option's value, and refuses a second one, which would replace the first."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        before = getattr(namespace, self.dest)
+        if before is not None:
+            raise argparse.ArgumentError(self, f"found {before!r} and {values!r}, expected it once")
+        setattr(namespace, self.dest, values)
+
+
 def command(
     commands: Any, name: str, run: Callable[[argparse.Namespace], None], about: str
 ) -> argparse.ArgumentParser:

@@ -13,15 +13,17 @@ from typing import Any
 
 from bfrt.cli.bars import wants_bar
 from bfrt.cli.convert import convert_input
-from bfrt.cli.options import READING, add_reading, command
+from bfrt.cli.options import READING, Once, add_reading, command
 from bfrt.cli.view import add_view, camera_of
 from bfrt.conversion.sources import is_store
 from bfrt.errors import SettingError
 from bfrt.image.picture import SUFFIXES
+from bfrt.paths import check_apart, check_file
 from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
 from bfrt.scene import Scene, open_scene
 from bfrt.settings import REFINEMENTS, scratch_folder
+from bfrt.streams.atomic_write import atomic_path
 from bfrt.view import aovs_of
 
 
@@ -58,7 +60,7 @@ def add_render(commands: Any) -> None:
         help="only print an estimate of passes, bytes, disk and seconds; nothing is written",
     )  # fmt: skip
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
-    made.add_argument("--stats", metavar="FILE", help="write counters as JSON")
+    made.add_argument("--stats", action=Once, metavar="FILE", help="write counters as JSON")
     made.add_argument("--table", action="store_true", help="print counters as a table")
     made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
     made.add_argument(
@@ -74,7 +76,7 @@ def add_render(commands: Any) -> None:
 
 
 def run_render(options: argparse.Namespace) -> None:
-    check_outputs(options.output, aovs_of(options.aov))
+    check_outputs(options, aovs_of(options.aov))
     if options.plan:
         print(plan_asked(options))
         return
@@ -85,14 +87,19 @@ def run_render(options: argparse.Namespace) -> None:
     for output in options.output:
         image.save(output, half=options.half and output.lower().endswith(".exr"))
     assert image.stats is not None
-    if options.stats:
-        Path(options.stats).write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
+    if options.stats is not None:
+        with atomic_path(options.stats) as path:
+            path.write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
     if options.table:
         print(image.stats.table())
 
 
-def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
-    """Refuse a suffix, or channels that no output would keep, before the work, not after it."""
+def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
+    """Refuse before the work what could not be written after it: a suffix, channels that no output
+    would keep, a file in a folder that is not there.
+    """
+    outputs: list[str] = options.output
+    stats = [] if options.stats is None else [options.stats]
     for output in outputs:
         if Path(output).suffix.lower() not in SUFFIXES:
             raise SettingError(
@@ -100,6 +107,9 @@ def check_outputs(outputs: list[str], aovs: tuple[str, ...]) -> None:
             )
     if aovs and not any(output.lower().endswith(".exr") for output in outputs):
         raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
+    for file in (*outputs, *stats):
+        check_file(file)
+    check_apart(options.input, *outputs, *stats)
 
 
 def plan_asked(options: argparse.Namespace) -> Plan:

@@ -9,12 +9,14 @@ from typing import Any
 
 import bfrt
 from bfrt.cli.bars import bars
-from bfrt.cli.options import add_hierarchy, add_order, command, hierarchy_of
+from bfrt.cli.options import Once, add_hierarchy, add_order, command, hierarchy_of
+from bfrt.cli.store import size_of
 from bfrt.conversion.sources import parse_spd
 from bfrt.errors import SettingError, StreamError
-from bfrt.process import say
+from bfrt.paths import check_apart, check_file, check_folder
 from bfrt.settings import at_least_one
 from bfrt.spd.mount import HASHES
+from bfrt.store.writer import check_new_store
 from bfrt.streams.atomic_write import atomic_path
 
 
@@ -23,8 +25,10 @@ def add_spd(commands: Any) -> None:
     made = command(commands, "spd", run_spd, "Make a standard scene of any size.")
     made.add_argument("name", help=names)
     made.add_argument("size", help="the size factor, 1 or more")
-    made.add_argument("-o", "--output", metavar="DIR", help="the store to make")
-    made.add_argument("--nff", metavar="FILE", help="write NFF text (- for standard output)")
+    made.add_argument("-o", "--output", action=Once, metavar="DIR", help="the store to make")
+    made.add_argument(
+        "--nff", action=Once, metavar="FILE", help="write NFF text (- for standard output)"
+    )
     made.add_argument(
         "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
     )
@@ -38,6 +42,8 @@ def run_spd(options: argparse.Namespace) -> None:
         raise SettingError("spd: nothing to make: expected -o DIR, --nff FILE or both")
     scene = parse_spd(f"spd:{options.name}:{options.size}", hash=options.hash)
     threads = None if options.threads is None else at_least_one("threads", options.threads)
+    hierarchy = hierarchy_of(options, scene.hierarchy)
+    check_outputs(options)
     if options.nff == "-":
         if sys.stdout is None:
             raise StreamError("<stdout>", 0, errno.EBADF, "opening")
@@ -50,13 +56,24 @@ def run_spd(options: argparse.Namespace) -> None:
         ):
             scene.write_nff(file, threads=threads, progress=progress)
     if options.output is not None:
-        if not options.quiet:
-            say(f"{options.output}: {scene.objects:,} objects, {scene.store_bytes:,} bytes")
         with bars("store", options.quiet) as progress:
-            scene.write(
+            made = scene.write(
                 options.output,
-                hierarchy=hierarchy_of(options, scene.hierarchy),
+                hierarchy=hierarchy,
                 order=options.order,
                 threads=threads,
                 progress=progress,
             )
+        if not options.quiet:
+            say(size_of(made.store))
+
+
+def check_outputs(options: argparse.Namespace) -> None:
+    """Refuse before the work what could not be written after it."""
+    text = [] if options.nff in (None, "-") else [options.nff]
+    for file in text:
+        check_file(file)
+    if options.output is not None:
+        target = check_new_store(options.output)
+        check_folder("spd", target.parent, ())
+        check_apart(options.output, *text)

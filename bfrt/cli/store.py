@@ -69,6 +69,11 @@ def bytes_of(stream: Stream, name: str) -> int:
     return 0 if facts is None else facts.bytes
 
 
+def size_of(store: Store) -> str:
+    """Return in words the store, its objects, and its bytes as `describe` counts them."""
+    return f"{store.path}: {store.objects:,} objects, {store.bytes:,} bytes"
+
+
 def add_verify(commands: Any) -> None:
     made = command(commands, "verify", run_verify, "Read a whole store and check its checksums.")
     made.add_argument("store")
@@ -78,4 +83,4 @@ def run_verify(options: argparse.Namespace) -> None:
     scene = open_scene(options.store)
     scene.verify()
     if not options.quiet:
-        print(f"{scene.path}: {scene.objects} objects, {scene.bytes} bytes, all as written")
+        print(f"{size_of(scene.store)}, all as written")

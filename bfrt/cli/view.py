@@ -8,6 +8,7 @@ from typing import Any
 
 import bfrt
 from bfrt.conversion.views import read_view
+from bfrt.errors import SceneError, SettingError
 from bfrt.framing import framing_camera
 from bfrt.store.model import Camera
 from bfrt.store.store import Store
@@ -42,7 +43,10 @@ def camera_of(options: argparse.Namespace, store: Store) -> Camera:
         "resolution": options.resolution and tuple(options.resolution),
     }
     changes: dict[str, Any] = {key: value for key, value in asked.items() if value is not None}
-    return framing_camera(store, **changes) if camera is None else replace(camera, **changes)
+    try:
+        return framing_camera(store, **changes) if camera is None else replace(camera, **changes)
+    except SceneError as error:  # the store's camera is one: the changes are wrong
+        raise SettingError(str(error)) from None
 
 
 def view_of(name: str) -> Camera:

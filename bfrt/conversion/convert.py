@@ -22,7 +22,8 @@ from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
-from bfrt.progress import DoneReport, staged
+from bfrt.paths import path_of
+from bfrt.progress import DoneReport, check_report, staged
 from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
 from bfrt.store.group import Order, checked_order
@@ -184,6 +185,8 @@ def convert(
     """
     order = checked_order(order)
     sources = sources_of(source)
+    beside = path_of("store", target).resolve().parent
+    check_report(progress)
     reading = Reading(
         radius=radius,
         positions=positions,
@@ -193,7 +196,7 @@ def convert(
         skip_invalid=skip_invalid,
         triangulate=triangulate,
         polygons=polygons,
-        scratch=Path(target).resolve().parent if scratch is None else Path(scratch),
+        scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
     )
     budget = default_memory() if memory is None else parse_memory(memory)

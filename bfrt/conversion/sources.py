@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,10 +18,10 @@ from bfrt.formats.ply.reader import read_ply
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report
 from bfrt.formats.stl import read_stl
+from bfrt.paths import HEADER, path_of
 from bfrt.scene import PathLike
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
-from bfrt.store.store import HEADER
 
 Reader = Callable[[str, SceneSink, Reading, Report | None], None]
 
@@ -74,7 +74,9 @@ def sources_of(given: PathLike | Sequence[PathLike]) -> tuple[SceneSource, ...]:
         If there is none, or one that nothing reads or makes.
     """
     each = [given] if isinstance(given, (str, os.PathLike)) else given
-    names = [os.fspath(one) for one in each]
+    if not isinstance(each, Iterable):
+        raise SettingError(f"source: found {type(given).__name__}, expected a path, or several")
+    names = [str(path_of("source", one)) for one in each]
     if not names:
         raise SettingError("convert: found no scene, expected one or more")
     readers = [reader_of(name) for name in names]
@@ -114,5 +116,5 @@ def parse_spd(name: str, hash: str | None = None) -> SpdScene:
 
 def is_store(source: PathLike) -> bool:
     """Tell whether a path is a scene store, or has the name of one."""
-    path = Path(source)
+    path = path_of("source", source)
     return (path / HEADER).exists() or path.suffix == ".bfrt" or path.is_dir()

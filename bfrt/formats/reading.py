@@ -84,8 +84,8 @@ class Reading:
     Raises
     ------
     SettingError
-        For a radius or a range that is not finite, a range whose ends are not in order, and
-        settings that exclude each other.
+        For a radius that is not above 0, a radius or a range that is not finite, a range whose
+        ends are not in order, and settings that exclude each other.
     """
 
     radius: float | str | None = None
@@ -101,8 +101,8 @@ class Reading:
     uses: Uses = field(default_factory=Uses, compare=False)
 
     def __post_init__(self) -> None:
-        if isinstance(self.radius, Real) and not math.isfinite(self.radius):
-            raise SettingError(f"radius: found {self.radius}, expected a finite number")
+        if self.radius is not None and not isinstance(self.radius, str):
+            check_radius(self.radius)
         if self.triangulate and self.polygons:
             raise SettingError("triangulate, polygons: found both, expected one of them or none")
         if self.color_range is None:
@@ -149,3 +149,16 @@ class Reading:
             raise SettingError(
                 "colormap, color_range: found without color_by, expected with it only"
             )
+
+
+def check_radius(radius: object) -> None:
+    """Refuse a radius of points with which none could be seen: a sphere of 0 is never hit.
+
+    Raises
+    ------
+    SettingError
+        If it is not a finite number above 0.
+    """
+    number = isinstance(radius, Real) and not isinstance(radius, bool)
+    if not (number and 0.0 < float(radius) < math.inf):  # type: ignore[arg-type]
+        raise SettingError(f"radius: found {radius!r:.80}, expected a finite number above 0")

@@ -115,7 +115,8 @@ def resolution(bounds: Bounds, voxels: float) -> Shape:
 def along_longest(bounds: Bounds, most: int) -> Shape:
     """Return the voxels an axis of a grid of cubic ones, `most` of them on the longest axis."""
     sides = bounds.grid_sides()
-    x, y, z = np.maximum(1, np.rint(sides / sides.max() * most)).astype(np.int64).tolist()
+    shape = np.clip(np.rint(sides / sides.max() * float(most)), 1, 1 << 62)
+    x, y, z = shape.astype(np.int64).tolist()
     return (x, y, z)
 
 

@@ -15,6 +15,8 @@ from bfrt.errors import SettingError
 from bfrt.image.exr import write_exr
 from bfrt.image.image_buffer import forget
 from bfrt.image.png import encode_png, write_png
+from bfrt.masks import is_masked
+from bfrt.paths import check_outside, path_of
 from bfrt.stats import Stats
 from bfrt.streams.atomic_write import atomic_path, put
 
@@ -114,17 +116,20 @@ class Image:
         Raises
         ------
         SettingError
-            If the suffix is another, or `half` is given for another format than ``.exr``.
+            If the suffix is another, `half` is given for another format than ``.exr``, or the
+            file would be in a scene store.
         DiskFullError, StreamError
             If the system refuses a write; nothing half-written is left.
         """
-        suffix = Path(path).suffix.lower()
+        file = path_of("image", path)
+        suffix = file.suffix.lower()
         if suffix not in SUFFIXES:
             raise SettingError(
                 f"{path}: found suffix {suffix!r}, expected one of {', '.join(SUFFIXES)}"
             )
         if half and suffix != ".exr":
             raise SettingError(f"{path}: found half=True for {suffix}, expected it only for .exr")
+        check_outside(str(file), Path(os.path.realpath(file)).parent)
         if suffix == ".exr":
             write_exr(path, self.width, self.height, self._bands(), self.metadata, half=half)
         elif suffix == ".png":
@@ -172,6 +177,8 @@ def _check_channels(channels: Mapping[str, npt.NDArray[Any]]) -> None:
         raise SettingError(f"image: R: found shape {shape}, expected (height, width)")
     for name, pixels in channels.items():
         wanted = np.dtype(np.uint32 if name.startswith("id.") else np.float32)
+        if is_masked(pixels):
+            raise SettingError(f"image: {name}: found masked elements, expected a value for each")
         if pixels.shape != shape or pixels.dtype != wanted:
             raise SettingError(
                 f"image: {name}: found {pixels.dtype} of shape {pixels.shape}, "

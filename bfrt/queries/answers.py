@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -13,9 +13,10 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
+from bfrt.masks import is_masked
+from bfrt.paths import check_folder
 from bfrt.records import plain
-from bfrt.store.store import HEADER
-from bfrt.streams.atomic_write import atomic_path, refused
+from bfrt.streams.atomic_write import atomic_paths, refused
 from bfrt.streams.bucket_sort import buckets_of, gathered
 from bfrt.streams.spool import Spool
 
@@ -84,30 +85,20 @@ def check_out(fields: Fields, count: int | None, out: Out | None) -> None:
     Raises
     ------
     SettingError
-        For arrays of another shape or dtype, arrays that are read-only, and for a folder that is a
-        file, or a store or a part of one.
+        For arrays of another shape or dtype, arrays that are read-only, and for a folder that
+        `check_folder` refuses.
     """
     if isinstance(out, (str, os.PathLike)):
-        check_folder(Path(os.fsdecode(out)))
+        check_folder("out", out, map(file_of, fields))
     elif isinstance(out, Mapping):
         _check_arrays(fields, count, out)
     elif out is not None:
         raise SettingError(f"out: found {type(out).__name__}, expected arrays by key or a folder")
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse a folder for answers that is a file, or a store or in one.
-
-    Raises
-    ------
-    SettingError
-        If it is.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise SettingError(f"out: found the file {folder}, expected a folder")
-    for each in (folder, *folder.absolute().parents):
-        if (each / HEADER).exists():
-            raise SettingError(f"out: found {folder}, which is in a store, expected another folder")
+def file_of(key: str) -> str:
+    """Return the name of the file that an array goes to."""
+    return f"{key}.npy"
 
 
 def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[Any]]) -> None:
@@ -115,8 +106,9 @@ def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[A
         if key not in fields:
             raise SettingError(f"out: found {key!r}, expected some of {', '.join(fields)}")
         dtype, shape = fields[key]
-        if not isinstance(array, np.ndarray) or not array.flags.writeable:
+        if not isinstance(array, np.ndarray) or not array.flags.writeable or is_masked(array):
             kind = "read-only" if isinstance(array, np.ndarray) else type(array).__name__
+            kind = "masked" if is_masked(array) else kind
             raise SettingError(f"out: found {key} that is {kind}, expected an array to fill")
         expected = (len(array) if count is None else count, *shape)
         if array.shape != expected or array.dtype != np.dtype(dtype):
@@ -126,25 +118,33 @@ def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[A
             )
 
 
+#: Of each key of an answer the shape of its array, and the dtype.
+Shapes = dict[str, tuple[tuple[int, ...], Any]]
+
+
+def shapes_of(fields: Fields, count: int) -> Shapes:
+    """Return the shapes of the arrays of an answer of `count` rows."""
+    return {key: ((count, *shape), dtype) for key, (dtype, shape) in fields.items()}
+
+
 class Columns:
     """Fills the arrays of an answer row by row: new ones, the caller's, or files.
 
     Parameters
     ----------
-    fields : mapping
-        The dtype and the shape of a row, for each key.
+    shapes : Shapes
+        The arrays.
     out : mapping or path-like, optional
-        Arrays to fill, some of the keys or all; or a folder, which gets a file ``KEY.npy`` each,
-        that is whole or not there.
+        Arrays to fill, some of the keys or all; or a folder, which gets a file ``KEY.npy`` each.
+        All of them are whole, or none is there.
     """
 
-    def __init__(self, fields: Fields, count: int, out: Out | None) -> None:
-        check_out(fields, count, out)
-        self._shapes = {key: ((count, *shape), dtype) for key, (dtype, shape) in fields.items()}
+    def __init__(self, shapes: Shapes, out: Out | None) -> None:
+        self._shapes = shapes
         self._folder = Path(os.fsdecode(out)) if isinstance(out, (str, os.PathLike)) else None
         self._files: dict[str, BinaryIO] = {}
         self._stack = ExitStack()
-        self._done = 0
+        self._done = dict.fromkeys(shapes, 0)
         given = out if isinstance(out, Mapping) else {}
         self._arrays = dict(given)
         if self._folder is None:
@@ -154,18 +154,21 @@ class Columns:
 
     def __enter__(self) -> Columns:
         if self._folder is not None:
-            try:
-                self._folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise refused(self._folder, 0, error, "creating") from error
-            for key, (shape, dtype) in self._shapes.items():
-                path = self._stack.enter_context(atomic_path(self._folder / f"{key}.npy"))
-                file = self._stack.enter_context(path.open("wb"))
-                descr = npy.dtype_to_descr(np.dtype(dtype))
-                header = {"descr": descr, "fortran_order": False, "shape": shape}
-                npy.write_array_header_1_0(file, header)
-                self._files[key] = file
+            with ExitStack() as stack:
+                stack.enter_context(made_folder(self._folder))
+                self._open(self._folder, stack)
+                self._stack = stack.pop_all()
         return self
+
+    def _open(self, folder: Path, stack: ExitStack) -> None:
+        """Create the files, aside."""
+        paths = stack.enter_context(atomic_paths([folder / file_of(key) for key in self._shapes]))
+        for path, (key, (shape, dtype)) in zip(paths, self._shapes.items(), strict=True):
+            file = stack.enter_context(path.open("wb"))
+            descr = npy.dtype_to_descr(np.dtype(dtype))
+            header = {"descr": descr, "fortran_order": False, "shape": shape}
+            npy.write_array_header_1_0(file, header)
+            self._files[key] = file
 
     def __exit__(self, *error: Any) -> None:
         self._stack.__exit__(*error)
@@ -175,14 +178,14 @@ class Columns:
         made: dict[str, NDArray[Any]] = {}
         for key, (shape, dtype) in self._shapes.items():
             if key in self._arrays and self._arrays[key].flags.c_contiguous:
-                made[key] = self._arrays[key][self._done : self._done + n]
+                first = self._done[key]
+                made[key] = self._arrays[key][first : first + n]
             else:
                 made[key] = np.empty((n, *shape[1:]), dtype)
         return made
 
     def put(self, block: Mapping[str, NDArray[Any]]) -> None:
-        """Take the next rows."""
-        n = len(next(iter(block.values())))
+        """Take the next rows of some of the arrays."""
         for key, values in block.items():
             if key in self._files:
                 dtype = self._shapes[key][1]
@@ -190,13 +193,32 @@ class Columns:
                     self._files[key].write(np.ascontiguousarray(values, dtype).tobytes())
                 except OSError as error:
                     assert self._folder is not None
-                    raise refused(self._folder / f"{key}.npy", 0, error, "writing") from error
-            elif not np.may_share_memory(self._arrays[key], values):
-                self._arrays[key][self._done : self._done + n] = values
-        self._done += n
+                    raise refused(self._folder / file_of(key), 0, error, "writing") from error
+            else:
+                first = self._done[key]
+                self._done[key] = first + len(values)
+                if not np.may_share_memory(self._arrays[key], values):
+                    self._arrays[key][first : self._done[key]] = values
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays filled; files are mapped."""
         if self._folder is None:
             return self._arrays
-        return {key: np.load(self._folder / f"{key}.npy", mmap_mode="r") for key in self._shapes}
+        return {key: np.load(self._folder / file_of(key), mmap_mode="r") for key in self._shapes}
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Make a folder, with those above it; if what is done in it fails, remove those made."""
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise refused(folder, 0, error, "creating") from error
+        yield
+    except BaseException:
+        for each in missing:
+            with suppress(OSError):  # not there, or others put something in
+                each.rmdir()
+        raise

@@ -15,7 +15,6 @@ import os
 from collections.abc import Callable
 from contextlib import closing
 from itertools import chain
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +23,15 @@ from numpy.typing import NDArray
 from bfrt.errors import SettingError
 from bfrt.ids import index_of, stream_of
 from bfrt.phases.all_hits import AllHits
-from bfrt.queries.answers import Columns, Fields, Out, check_folder, check_out, rows, split_ends
+from bfrt.queries.answers import (
+    Columns,
+    Fields,
+    Out,
+    check_out,
+    rows,
+    shapes_of,
+    split_ends,
+)
 from bfrt.queries.direct import Cast, cast_all, is_resident
 from bfrt.queries.question import Answer, Answers, Query, Question, Sessions
 from bfrt.queries.surfaces import SURFACE, surfaces_of
@@ -90,7 +97,9 @@ class RowPerRay(NamedTuple):
                 return query.answer(cast_all(query, self.cast, self.fields, question.out))
             with Answers(query, self.absent.dtype, query.capacities.queue) as answers:
                 self.find(query, answers)
-                with Columns(self.fields, query.rays, question.out) as columns:
+                check_out(self.fields, query.rays, question.out)
+                shapes = shapes_of(self.fields, query.rays)
+                with Columns(shapes, question.out) as columns:
                     for block in rows(answers.ordered(), query.rays, self.absent):
                         columns.put(self.columns(block))
             return query.answer(columns.arrays())
@@ -193,7 +202,7 @@ LIST = RowPerHit()
 def _check_folder(out: Out | None) -> None:
     """Refuse what is no folder for an answer whose number of rows is not yet known."""
     if isinstance(out, (str, os.PathLike)):
-        check_folder(Path(os.fsdecode(out)))
+        check_out({**SPLITS, **LISTED}, None, out)
     elif out is not None:
         raise SettingError(
             "out: found arrays, expected a folder: how many hits there are is not known"
@@ -202,17 +211,15 @@ def _check_folder(out: Out | None) -> None:
 
 def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, Block]:
     """Put all hits in the order of their rays, and say where each ray's end."""
-    with (
-        Columns(LISTED, len(answers), folder) as columns,
-        Columns(SPLITS, rays + 1, folder) as splits,
-    ):
-        splits.put({"ray_splits": np.zeros(1, np.int64)})
+    shapes = {**shapes_of(SPLITS, rays + 1), **shapes_of(LISTED, len(answers))}
+    with Columns(shapes, folder) as columns:
+        columns.put({"ray_splits": np.zeros(1, np.int64)})
         hits_before = rays_before = 0
         for block in chain(answers.ordered(), [np.empty(0, SURFACE)]):
             numbers = block["number"].astype(np.int64)
             columns.put({"ray_ids": numbers, **_hit_columns(block)})
             end = int(numbers[-1]) + 1 if len(numbers) else rays
             for ends in split_ends(numbers, rays_before, end):
-                splits.put({"ray_splits": hits_before + ends})
+                columns.put({"ray_splits": hits_before + ends})
             hits_before, rays_before = hits_before + len(numbers), end
-    return {**splits.arrays(), **columns.arrays()}
+    return columns.arrays()

@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from bfrt.queries.answers import Columns, Fields, Out
+from bfrt.queries.answers import Columns, Fields, Out, shapes_of
 from bfrt.queries.question import Query
 from bfrt.stats import Counters
 from bfrt.tracer import Tracer
@@ -33,7 +33,8 @@ def cast_all(query: Query, cast: Cast, fields: Fields, out: Out | None) -> dict[
     assert isinstance(tracer, TreeTracer)
     assert query.known is not None
     tracer.begin(query.stats)
-    with query.stats.depth(1) as counters, Columns(fields, query.known, out) as columns:
+    shapes = shapes_of(fields, query.known)
+    with query.stats.depth(1) as counters, Columns(shapes, out) as columns:
         with counters.phases.intersection.timed():
             while len(query.queue):
                 query.tell(query.queue.taken)

@@ -15,6 +15,8 @@ from bfrt.errors import SceneError, SettingError, StreamError
 from bfrt.formats.npy import NpyArray
 from bfrt.formats.source import Source
 from bfrt.formats.table import Rows
+from bfrt.masks import is_masked
+from bfrt.paths import path_of
 from bfrt.queries._rays import RayRecords
 from bfrt.records import HIT, QUERY_RAY, RayKind
 from bfrt.store.store import Store
@@ -148,10 +150,7 @@ class Held:
 
     def __init__(self, name: str, given: ArrayLike) -> None:
         self.name = name
-        try:
-            self._array = np.asarray(given)
-        except ValueError:
-            raise SettingError(f"{name}: found rows of several lengths, expected (n, 3)") from None
+        self._array = _array(name, given, "(n, 3)")
         self.shape, self.dtype = self._array.shape, self._array.dtype
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
@@ -162,7 +161,7 @@ class Held:
 def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Block]:
     if isinstance(given, (np.ndarray, str, os.PathLike)) or not isinstance(given, Iterable):
         raise SettingError("directions: found none, expected them, or blocks in place of origins")
-    if np.ndim(t_min) or np.ndim(t_max):
+    if _array("t_min", t_min, "a number").ndim or _array("t_max", t_max, "a number").ndim:
         raise SettingError("rays: found blocks with an array of t, expected one t_min and t_max")
     for block in given:
         try:
@@ -175,7 +174,7 @@ def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Bl
 def _rows(name: str, given: Any) -> Rows:
     """Return rows (n, 3) of float32, float64 or whole numbers; a file's are read on demand."""
     file = isinstance(given, (str, os.PathLike))
-    array: Rows = _stored(name, os.fspath(given)) if file else Held(name, given)
+    array: Rows = _stored(name, str(path_of(name, given))) if file else Held(name, given)
     floats = array.dtype.newbyteorder("=") in (np.float32, np.float64)
     numbers = floats or array.dtype.kind in "iu"
     if len(array.shape) != 2 or array.shape[1] != 3 or not numbers:
@@ -184,6 +183,16 @@ def _rows(name: str, given: Any) -> Rows:
             "expected float32 or float64 of shape (n, 3)"
         )
     return array
+
+
+def _array(name: str, given: ArrayLike, expected: str) -> NDArray[Any]:
+    """Return anything that NumPy takes for an array as one, unless elements of it are masked."""
+    if is_masked(given):
+        raise SettingError(f"{name}: found masked elements, expected numbers")
+    try:
+        return np.asarray(given)
+    except (TypeError, ValueError):
+        raise SettingError(f"{name}: found rows of several lengths, expected {expected}") from None
 
 
 def _stored(name: str, path: str) -> NpyArray:
@@ -200,7 +209,7 @@ def _stored(name: str, path: str) -> NpyArray:
 
 
 def _column(name: str, given: ArrayLike, n: int) -> NDArray[np.float64]:
-    array = np.asanyarray(given)
+    array = _array(name, given, f"a number or ({n},)")
     if array.dtype.kind not in "fiu" or array.shape not in ((), (n,)):
         raise SettingError(
             f"{name}: found {array.dtype} of shape {array.shape}, expected a number or ({n},)"

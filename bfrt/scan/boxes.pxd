@@ -8,7 +8,6 @@
 """
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t
-from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport Frame
@@ -17,7 +16,7 @@ from bfrt.geometry.quantised cimport Coding, coded_union, coding_in, eight_decod
 from bfrt.geometry.shape cimport shape_boxes
 from bfrt.geometry.sphere cimport sphere_boxes, sphere_union
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES, SPHERE
-from bfrt.scan.runs cimport run_end
+from bfrt.scan.runs cimport run_end, take_ends
 from bfrt.streams.reader cimport Reader, read_ahead, skip, take
 
 
@@ -36,6 +35,8 @@ cdef class BoxCursor:
     cdef Py_ssize_t outlier
     cdef int64_t index      # the object that comes next
     cdef uint32_t vertex    # polygons: where the one before it ends
+    cdef int64_t largest    # and vertices of one at the most
+    cdef int64_t vertices   # and of all
     cdef int64_t ahead      # the end of the ranges whose boxes are being read
     cdef Coding coding      # how boxes are quantised in the range that `go_to` came to
     # The block that `next_boxes` came to:
@@ -46,6 +47,7 @@ cdef class BoxCursor:
     cdef BoxPacket eight        # the boxes, once `decode` was called
 
     cpdef int window(self, int64_t first, int64_t last) except -1
+    cdef int refuse_ends(self, int n) except -1 nogil
 
 
 cdef inline int go_to(BoxCursor b, const int64_t[:, ::1] ranges, int64_t k,
@@ -90,7 +92,8 @@ cdef inline int next_boxes(BoxCursor b, int64_t most) except -1 nogil:
     b.first = b.index
     if b.offsets is not None:
         b.ends[0] = b.vertex
-        memcpy(&b.ends[1], take(b.offsets, OFFSET_BYTES * n), OFFSET_BYTES * n)
+        if not take_ends(b.offsets, b.ends, n, b.largest, b.vertices):
+            b.refuse_ends(n)
         b.vertex = b.ends[n]
     if b.coded:
         b.codes = take(b.quantised, CODE_BYTES * n)

@@ -7,6 +7,8 @@ from bfrt.geometry.coordinates cimport frame_of
 from bfrt.records cimport BOX_BYTES, CODE_BYTES, OFFSET_BYTES
 from bfrt.scan.runs cimport polygon_end, prefetch_runs
 
+from bfrt.scan.files import wrong_ends
+
 
 @cython.final
 cdef class BoxCursor:
@@ -31,6 +33,7 @@ cdef class BoxCursor:
 
     def __cinit__(self, stream, origin, files, const int64_t[::1] outliers, size_t capacity):
         self.number = stream.number
+        self.largest, self.vertices = stream.largest, stream.vertices
         self.outliers = outliers
         self.frame = frame_of(stream.wide, origin)
         self.kind = stream.kind
@@ -102,3 +105,10 @@ cdef class BoxCursor:
         while self.outlier < self.outliers.shape[0] and self.outliers[self.outlier] < first:
             self.outlier += 1
         return 0
+
+    cdef int refuse_ends(self, int n) except -1 nogil:
+        """Raise for polygons of the block that end where they cannot."""
+        cdef int i
+        with gil:
+            ends = tuple([self.ends[i] for i in range(n + 1)])
+            raise wrong_ends(self.offsets.file.path, self.index, ends)

@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+from bfrt.errors import StoreError
 from bfrt.store.store import Stream
 from bfrt.streams.reader import Reader, SharedFile
+
+
+def wrong_ends(path: str, first: int, ends: tuple[int, ...]) -> StoreError:
+    """Return an error for polygons, from object `first` on, that end where they cannot."""
+    found = ", ".join(map(str, ends))
+    return StoreError(
+        f"{path}: polygon {first} and on: found vertices {found}, expected ascending ones that are "
+        "there"
+    )
 
 
 class StreamFiles:

@@ -4,12 +4,11 @@ Of polygons a record is a vertex, and objects have several: `offsets` tells wher
 """
 
 from libc.stdint cimport int64_t, uint32_t
-from libc.string cimport memcpy
 
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.packet cimport BOXES
 from bfrt.records cimport OFFSET_BYTES
-from bfrt.scan.runs cimport run_end
+from bfrt.scan.runs cimport run_end, take_ends
 from bfrt.streams.reader cimport Reader, read_ahead, skip, take
 
 
@@ -25,6 +24,8 @@ cdef class GeometryCursor:
     cdef int64_t at         # the record that comes next
     cdef int64_t index      # the object whose offset comes next
     cdef uint32_t vertex    # where the polygon before it ends
+    cdef int64_t largest    # vertices of a polygon at the most
+    cdef int64_t vertices   # of all polygons
     cdef readonly int64_t objects_read
     # The block that `next_records` came to:
     cdef const unsigned char* block
@@ -39,6 +40,7 @@ cdef class GeometryCursor:
     cdef (int64_t, int64_t) place(self, int64_t first, int64_t last) except *
     cdef object vertices_of(self, const int64_t[:, ::1] ranges)
     cdef int refuse(self, int64_t vertex) except -1 nogil
+    cdef int refuse_end(self, int64_t index, const uint32_t* ends) except -1 nogil
 
 
 cdef inline int seek_records(GeometryCursor g, int64_t begin, int64_t end) except -1 nogil:
@@ -71,7 +73,8 @@ cdef inline int next_records(GeometryCursor g, int64_t most) except -1 nogil:
     if g.counted:
         n = 1
         g.ends[0] = g.vertex
-        memcpy(&g.ends[1], take(g.offsets, OFFSET_BYTES), OFFSET_BYTES)
+        if not take_ends(g.offsets, g.ends, 1, g.largest, g.vertices):
+            g.refuse_end(g.index, g.ends)
         g.vertex = g.ends[1]
         g.block = records_of(g, g.ends[0], g.ends[1] - g.ends[0])
     else:

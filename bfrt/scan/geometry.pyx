@@ -6,12 +6,13 @@ from libc.stdint cimport int64_t, uint32_t
 from bfrt.geometry.coordinates cimport frame_of
 from bfrt.geometry.packet cimport BOXES
 from bfrt.records cimport OFFSET_BYTES
-from bfrt.scan.runs cimport polygon_end, prefetch_runs, run_end
+from bfrt.scan.runs cimport polygon_end, prefetch_runs, run_end, take_ends
 from bfrt.streams.reader cimport read_ahead, skip, take
 
 import numpy as np
 
 from bfrt.errors import StoreError
+from bfrt.scan.files import wrong_ends
 
 
 @cython.final
@@ -36,6 +37,7 @@ cdef class GeometryCursor:
         self.number = stream.number
         self.stride = stream.stride
         self.frame = frame_of(stream.wide, origin)
+        self.largest, self.vertices = stream.largest, stream.vertices
         largest = self.stride * max(BOXES, stream.largest)
         self.reader = files.reader("geometry", max(capacity, largest))
         if self.counted:
@@ -81,10 +83,7 @@ cdef class GeometryCursor:
         cdef int64_t begin = polygon_end(self.offsets, first - 1)
         cdef int64_t end = polygon_end(self.offsets, last - 1)
         if begin > end or end * self.stride > self.reader.file.size:
-            raise StoreError(
-                f"{self.offsets.file.path}: objects {first} to {last}: found vertices "
-                f"{begin} to {end}, expected ascending ones that are there"
-            )
+            raise wrong_ends(self.offsets.file.path, first, (begin, end))
         self.offsets.window(first * OFFSET_BYTES, last * OFFSET_BYTES)
         self.vertex = <uint32_t>begin
         return begin, end
@@ -116,6 +115,7 @@ cdef class GeometryCursor:
         """Find where polygons begin and end, in vertices."""
         cdef int64_t[:, ::1] out
         cdef int64_t k, last, index, known = 0
+        cdef uint32_t ends[2]
         cdef bint far
         found = np.empty((ranges.shape[0], 2), np.int64)
         out = found
@@ -132,9 +132,11 @@ cdef class GeometryCursor:
                 read_ahead(self.offsets, known * OFFSET_BYTES)
             if index > self.index:
                 self.vertex = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
-            out[k, 0] = self.vertex
-            self.vertex = (<const uint32_t*>take(self.offsets, OFFSET_BYTES))[0]
-            out[k, 1] = self.vertex
+            ends[0] = self.vertex
+            if not take_ends(self.offsets, ends, 1, self.largest, self.vertices):
+                self.refuse_end(index, ends)
+            out[k, 0], out[k, 1] = ends[0], ends[1]
+            self.vertex = ends[1]
             self.index = index + 1
         return found
 
@@ -145,6 +147,11 @@ cdef class GeometryCursor:
                 f"{self.offsets.file.path}: before object {self.index}: found a polygon that "
                 f"begins at vertex {vertex}, expected {self.at} or more"
             )
+
+    cdef int refuse_end(self, int64_t index, const uint32_t* ends) except -1 nogil:
+        """Raise for a polygon that ends where it cannot."""
+        with gil:
+            raise wrong_ends(self.offsets.file.path, index, (ends[0], ends[1]))
 
     def counts(self):
         """Count the objects whose geometry was read since the last call."""

@@ -1,7 +1,8 @@
-"""Runs: ranges of records that are read as one, for the gaps between are short; and the offset of
-one polygon."""
+"""Runs: ranges of records that are read as one, for the gaps between are short; and the offsets of
+polygons."""
 
 from libc.stdint cimport int64_t, uint32_t
+from libc.string cimport memcpy
 
 from bfrt.records cimport OFFSET_BYTES
 from bfrt.streams.reader cimport Reader, take
@@ -33,3 +34,21 @@ cdef inline int64_t polygon_end(Reader offsets, int64_t index) except -1:
     single = Reader(offsets.file, OFFSET_BYTES)
     single.window(index * OFFSET_BYTES, (index + 1) * OFFSET_BYTES)
     return (<const uint32_t*>take(single, OFFSET_BYTES))[0]
+
+
+cdef inline int take_ends(Reader offsets, uint32_t* ends, int n, int64_t largest,
+                          int64_t vertices) except -1 nogil:
+    """Take where the next n polygons end, behind ends[0], where the first begins.
+
+    Returns
+    -------
+    int
+        Whether they can end there: each has `largest` vertices at the most, of `vertices` in all.
+    """
+    cdef bint good
+    cdef int i
+    memcpy(&ends[1], take(offsets, OFFSET_BYTES * n), OFFSET_BYTES * n)
+    good = ends[n] <= vertices
+    for i in range(n):
+        good &= <uint32_t>(ends[i + 1] - ends[i]) <= largest  # one that descends comes round
+    return good

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import Cancelled, SettingError
-from bfrt.progress import DoneReport, is_no, staged
+from bfrt.progress import DoneReport, check_report, is_no, staged
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
 from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Scalar, Task
@@ -31,6 +31,7 @@ from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material, Vector
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.room import Amount, room_beside, room_of
+from bfrt.store.writer import check_new_store
 from bfrt.streams.free import check_free
 from bfrt.workers import ahead, usable_threads
 
@@ -244,7 +245,10 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False. Nothing is left behind.
         """
-        check_free(Path(os.path.realpath(path)).parent, self.room(order), "writing")
+        check_report(progress)
+        target = Path(os.path.realpath(check_new_store(path)))
+        folder = next(each for each in target.parents if each.exists())
+        check_free(folder, self.room(order), "writing")
         with SceneWriter(
             path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy,
             order=order,
@@ -272,6 +276,7 @@ class SpdScene(abc.ABC):
         Cancelled
             If `progress` returned False; the file has the text written so far.
         """
+        check_report(progress)
         file.write(head_text(self.background, self.camera, self.lights))
         fills = [self.fill(number).encode() for number in range(len(self.materials))]
 

@@ -6,6 +6,7 @@ does not say, the first block decides: the origin for the whole store, the dtype
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,7 @@ class Coordinates:
     """
 
     def __init__(self, dtype: Any, origin: ArrayLike | None) -> None:
-        if dtype is not None and np.dtype(dtype) not in (np.float32, np.float64):
-            raise SettingError(f"dtype: found {dtype!r}, expected float32, float64 or None")
-        self._dtype = None if dtype is None else np.dtype(dtype)
+        self._dtype = None if dtype is None else _float_of(dtype)
         self._origin = None if origin is None else triple_of("origin", origin)
 
     @property
@@ -110,3 +109,13 @@ class Coordinates:
         for start in POSITIONS[kind]:
             shifted[:, start : start + 3] -= np.asarray(self.origin)
         return shifted
+
+
+def _float_of(dtype: Any) -> np.dtype[Any]:
+    """Return the dtype of float32 or float64 that anything stands for which NumPy takes for one."""
+    found: np.dtype[Any] | None = None
+    with contextlib.suppress(TypeError):
+        found = np.dtype(dtype)
+    if found is None or found not in (np.float32, np.float64):
+        raise SettingError(f"dtype: found {dtype!r:.80}, expected float32, float64 or None")
+    return found

@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError
+from bfrt.masks import is_masked
 from bfrt.records import SCALARS, Kind
 from bfrt.store.model import Vector
 
 
 def array_of(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return anything that NumPy takes for an array as one."""
+    if is_masked(value):
+        raise SceneError(f"{name}: found masked elements, expected numbers")
     try:
         return np.asarray(value)
     except (TypeError, ValueError) as error:  # rows of different lengths

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from bfrt.errors import SceneError
 
 Vector = tuple[float, float, float]
@@ -55,7 +57,8 @@ class Camera:
             )
         if not 0.0 < self.angle < 180.0:
             raise SceneError(f"camera: found angle {self.angle:g}, expected 0 < angle < 180")
-        if not all(1 <= n <= 65535 for n in self.resolution):
+        whole = all(isinstance(n, (int, np.integer)) for n in self.resolution)
+        if not whole or not all(1 <= n <= 65535 for n in self.resolution):
             raise SceneError(
                 f"camera: found resolution {self.resolution}, expected 1 to 65535 pixels an axis"
             )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError
 from bfrt.records import MATERIAL
+from bfrt.store.given import array_of
 from bfrt.store.header import facts_of
 from bfrt.store.model import Material
 from bfrt.streams.writer import FileWriter
@@ -71,7 +72,7 @@ class PaletteWriter:
         SceneError
             If they are not integers of this shape, or there is no such material.
         """
-        given = np.asarray(materials)
+        given = array_of("materials", materials)
         indices = np.broadcast_to(given, (n,)) if given.ndim == 0 else given
         if indices.shape != (n,) or indices.dtype.kind not in "iu":
             raise SceneError(

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
 from bfrt.ids import index_of, stream_number, stream_of
+from bfrt.paths import HEADER, MAGIC, path_of
 from bfrt.records import (
     BOX_BYTES,
     CODE_BYTES,
@@ -52,9 +53,7 @@ from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.streams.atomic_write import refused
 
-MAGIC = "bfrt scene store"
 VERSION = 5
-HEADER = "scene.json"
 MADE = "made.json"
 PALETTE = "palette"
 
@@ -254,7 +253,7 @@ def open_store(path: str | os.PathLike[str]) -> Store:
     StoreError
         If it is not a store, of another version, damaged or truncated.
     """
-    path = Path(path)
+    path = path_of("store", path)
     file = path / HEADER
     try:
         data = file.read_bytes()

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.paths import HEADER, MAGIC, check_names, check_outside, path_of
 from bfrt.progress import DoneReport
 from bfrt.records import Kind
 from bfrt.store.atomic_folder import AtomicFolder
@@ -27,13 +28,30 @@ from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.record_writer import RecordWriter
-from bfrt.store.store import HEADER, MADE, MAGIC, VERSION, Store, has_magic, open_store
+from bfrt.store.store import MADE, VERSION, Store, has_magic, open_store
 from bfrt.streams.writer import FileWriter
 
 if TYPE_CHECKING:
     from typing import Self  # Python 3.11
 
 log = logging.getLogger(__name__)
+
+
+def check_new_store(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a store that may be made, or replaced.
+
+    Raises
+    ------
+    SettingError
+        If it is something else than a store, or in one, or has too long a name.
+    """
+    given = path_of("store", path)
+    target = Path(os.path.realpath(given))
+    if os.path.lexists(target) and not has_magic(target):
+        raise SettingError(f"{given}: exists and is no scene store: it is not replaced")
+    check_outside(str(given), target.parent)
+    check_names(str(given), target)
+    return given
 
 
 class StoreWriter(RecordWriter):
@@ -70,8 +88,8 @@ class StoreWriter(RecordWriter):
     DiskFullError, StreamError
         If the system refuses a write; nothing is left behind.
     SettingError
-        If `path` exists and is no store, and for calls after the end. An error in a block, or an
-        interrupt while one is written, is an end too: half a block is never kept.
+        If `path` exists and is no store, or is in one, and for calls after the end. An error in a
+        block, or an interrupt while one is written, is an end too: half a block is never kept.
 
     Examples
     --------
@@ -90,11 +108,9 @@ class StoreWriter(RecordWriter):
         order: Order = "auto",
         durable: bool = True,
     ) -> None:
-        self.path = Path(path)
+        self.path = check_new_store(path)
         coordinates = Coordinates(dtype, origin)
         folder = AtomicFolder(self.path, durable)
-        if os.path.lexists(folder.target) and not has_magic(folder.target):
-            raise SettingError(f"{self.path}: exists and is no scene store: it is not replaced")
         self._camera: Camera | None = None
         self._lights: list[Light] = []
         self._background: Vector = (0.0, 0.0, 0.0)

@@ -13,10 +13,11 @@ import io
 import os
 import secrets
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bfrt.errors import DiskFullError, SettingError, StreamError
+from bfrt.paths import path_of
 
 #: What the system says when there is no room: the disk's, and the user's where there are quotas.
 DISK_FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
@@ -49,22 +50,36 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     StreamError
         If the system refuses to create, sync or rename; `DiskFullError` where it has no room.
     """
-    target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file():
-        raise SettingError(f"{path}: found something else than a file, expected a file or nothing")
-    temporary = _create(target)
-    try:
+    with atomic_paths([path]) as (temporary,):
         yield temporary
-        _sync(temporary, os.O_RDWR)
-        _rename(temporary, target)
+
+
+@contextlib.contextmanager
+def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]]:
+    """Give temporary paths to write to, as `atomic_path` does, of files that all exist or none.
+
+    Where the last steps fail, the files that have their names already are removed again.
+    """
+    targets = [_target(path) for path in paths]
+    temporaries: list[Path] = []
+    renamed: list[Path] = []
+    try:
+        for target in targets:
+            temporaries.append(_create(target))
+        yield temporaries
+        for temporary in temporaries:
+            _sync(temporary, os.O_RDWR)
+        for temporary, target in zip(temporaries, targets, strict=True):
+            renamed.append(target)
+            _rename(temporary, target)
     except BaseException as error:
-        with contextlib.suppress(OSError):  # the first error is the one to hear about
-            temporary.unlink()
+        _take_back(temporaries, renamed)
         # Some systems only find out at close that there was no room.
         if isinstance(error, OSError) and error.errno in DISK_FULL:
-            raise refused(target, 0, error, "writing") from error
+            raise refused(targets[0], 0, error, "writing") from error
         raise
-    sync_folder(target.parent)
+    for folder in {target.parent for target in targets}:
+        sync_folder(folder)
 
 
 def nameless(folder: Path, path: Path) -> io.FileIO:
@@ -109,6 +124,30 @@ def refused(path: str | os.PathLike[str], offset: int, error: OSError, doing: st
     number = error.errno or errno.EIO
     kind = DiskFullError if number in DISK_FULL else StreamError
     return kind(path, offset, number, doing)
+
+
+def _target(path: str | os.PathLike[str]) -> Path:
+    """Return the file that a path stands for, a link's target."""
+    target = Path(os.path.realpath(path_of("output", path)))
+    if target.exists() and not target.is_file():
+        raise SettingError(f"{path}: found something else than a file, expected a file or nothing")
+    return target
+
+
+def _take_back(temporaries: list[Path], renamed: list[Path]) -> None:
+    """Remove what was written, but where all have their names: they are whole, and stay.
+
+    Parameters
+    ----------
+    renamed : list of Path
+        The names that the first of them have got; the last may have failed.
+    """
+    left = [temporary for temporary in temporaries if temporary.exists()]
+    named = zip(temporaries, renamed, strict=False)
+    gone = [target for temporary, target in named if left and temporary not in left]
+    for path in (*left, *gone):
+        with contextlib.suppress(OSError):  # the first error is the one to hear about
+            path.unlink()
 
 
 def _create(target: Path) -> Path:

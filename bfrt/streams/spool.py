@@ -17,6 +17,9 @@ from bfrt.streams.writer import write_all
 
 Records = NDArray[Any]
 
+#: Records that there is memory for from the beginning, or a few times as many.
+FIRST = 1 << 14
+
 
 class Spool:
     """Queues records, first in first out.
@@ -26,7 +29,7 @@ class Spool:
     dtype : numpy.dtype
         The record.
     room : int
-        Records held in memory; all beyond are on disk. The memory is taken at once.
+        Records held in memory; all beyond are on disk. The memory is taken as records come.
     scratch : Path
         Folder of the disk part, a file without a name: nothing is left behind by a crash.
 
@@ -41,7 +44,8 @@ class Spool:
     def __init__(self, dtype: np.dtype[Any], room: int, scratch: Path) -> None:
         self.dtype = dtype
         self._counts = [0, 0, 0]  # bytes read, bytes written, seeks
-        self._memory = np.empty(room, dtype)
+        self._room = room
+        self._memory = np.empty(self._size_for(0), dtype)
         self._scratch = scratch
         self._path = scratch / "spool"  # by which errors name the file that has no name
         self._appending = threading.Lock()
@@ -70,7 +74,9 @@ class Spool:
         if records.dtype != self.dtype:
             raise TypeError(f"spool: found records of {records.dtype}, expected {self.dtype}")
         with self._appending:
-            inside = max(0, min(len(records), len(self._memory) - self._appended))
+            inside = max(0, min(len(records), self._room - self._appended))
+            if inside:
+                self._make_room(self._appended + inside)
             memory = self._memory[self._appended : self._appended + inside]
             plain(memory)[:] = plain(records[:inside])
             if inside < len(records):
@@ -80,12 +86,12 @@ class Spool:
     def read(self, most: int) -> Records:
         """Return up to `most` records, oldest first: a view of memory, or a new array."""
         first = self._taken
-        inside = len(self._memory) - first
+        inside = self._room - first
         n = min(most, len(self), inside if inside > 0 else most)
         self._taken += n
         if inside > 0 or n == 0:
             return self._memory[first : first + n]
-        return self._read(first - len(self._memory), n)
+        return self._read(first - self._room, n)
 
     def counts(self) -> tuple[int, int, int]:
         """Return the bytes read, bytes written and seeks on disk since the last call."""
@@ -99,10 +105,27 @@ class Spool:
         if file is not None:
             file.close()
 
+    def _size_for(self, records: int) -> int:
+        """Return the size of a memory that holds so many: the room, or a fourth, or a fourth of it.
+
+        So a copy of the memory to a larger one takes half of the room at the most.
+        """
+        size = self._room
+        while size // 4 >= max(records, FIRST):
+            size //= 4
+        return size
+
+    def _make_room(self, records: int) -> None:
+        """Take more memory where so many records, no more than the room has, do not fit."""
+        held = self._memory
+        if records > len(held):
+            self._memory = np.empty(self._size_for(records), self.dtype)
+            plain(self._memory)[: self._appended] = plain(held[: self._appended])
+
     def _write(self, records: Records) -> None:
         if self._file is None:
             self._file = nameless(self._scratch, self._path)
-        offset = max(0, self._appended - len(self._memory)) * self.dtype.itemsize
+        offset = max(0, self._appended - self._room) * self.dtype.itemsize
         self._file.seek(offset)
         self._last_end = offset + write_all(
             self._file.fileno(), records.view(np.uint8), self._path, offset

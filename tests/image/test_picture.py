@@ -7,6 +7,7 @@ import errno
 import numpy as np
 import pytest
 
+import bfrt
 from bfrt.errors import DiskFullError, SettingError, StreamError
 from bfrt.image import picture
 from bfrt.image.picture import SUFFIXES, Image
@@ -61,6 +62,26 @@ def color(shape=(2, 3), dtype=np.float32):
 def test_channels_that_are_no_picture_are_refused(channels, message):
     with pytest.raises(SettingError, match=message):
         Image(channels)
+
+
+def test_a_masked_channel_is_refused():
+    with pytest.raises(SettingError, match="image: B: found masked elements, expected a value"):
+        Image(color() | {"B": np.ma.masked_equal(np.eye(2, 3, dtype=np.float32), 1)})
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_no_picture_is_put_into_a_store(make_image, tmp_path, suffix):
+    store = bfrt.spd.tetra(1).write(tmp_path / "s.bfrt").path
+    (tmp_path / "link").symlink_to(store)
+    before = sorted(tmp_path.rglob("*"))
+    for folder in (store, store / "0", tmp_path / "link"):
+        with pytest.raises(SettingError, match="found it to be in the store"):
+            make_image(2, 2).save(folder / f"a{suffix}")
+    with pytest.raises(SettingError, match="expected a path without NUL"):
+        make_image(2, 2).save(f"{tmp_path}/a\0b{suffix}")
+    assert sorted(tmp_path.rglob("*")) == before
+    (tmp_path / "scene.json").write_text("{}")  # of something else
+    make_image(2, 2).save(tmp_path / f"a{suffix}")
 
 
 def test_ids_that_were_not_asked_for():

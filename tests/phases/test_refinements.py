@@ -198,8 +198,34 @@ def test_polygons_whose_ends_descend_are_refused(tmp_path):
         broken = ends.copy()
         broken[20:60] = ends[20:60][::-1]
         broken.tofile(stream.path("offsets"))
-        with pytest.raises((StoreError, bfrt.ShortReadError)):
+        with pytest.raises(StoreError, match=r"offsets: polygon \d+ and on: found vertices"):
             bfrt.render(tmp_path / "a.bfrt", memory="256MiB", refine=refine)
+
+
+@pytest.mark.parametrize("refine", REFINEMENTS)
+def test_damaged_ends_of_polygons_are_told_as_such(tmp_path, refine):
+    """Whatever an end is, the file that is wrong is the one that is told."""
+    scene = bfrt.spd.gears(1).write(tmp_path / "a.bfrt")
+    (stream,) = scene.store.streams
+    ends = np.fromfile(stream.path("offsets"), "<u4")
+    rng = np.random.default_rng(11)
+    rays = rng.normal(size=(2, 400, 3))
+    wrong = [0, 1, stream.vertices, stream.vertices + 1, 1 << 31, (1 << 32) - 1]
+    refused = 0
+    for end in (*wrong, *rng.integers(0, stream.vertices, 6)):
+        broken = ends.copy()
+        broken[rng.integers(len(ends) - 1) if end else -1] = end
+        broken.tofile(stream.path("offsets"))
+        for ask in (
+            lambda: bfrt.render(scene.path, memory="256MiB", refine=refine),
+            lambda: bfrt.cast_rays(scene.path, *rays, refine=refine),
+        ):
+            try:
+                ask()
+            except StoreError as error:
+                assert "offsets: polygon" in str(error)
+                refused += 1
+    assert refused >= 12
 
 
 def test_seven_levels_of_everything(tmp_path):

@@ -6,6 +6,7 @@ import resource
 import sys
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import fast
 import numpy as np
@@ -28,6 +29,9 @@ from bfrt.scene import Scene
 #: An array that nothing can be put into.
 READ_ONLY = np.zeros(2)
 READ_ONLY.flags.writeable = False
+
+#: Of two elements in each row the first has no value.
+MASKED = np.ma.masked_equal(np.tile([7.0, 1.0, 1.0], (2, 1)), 7.0)
 
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
@@ -421,6 +425,25 @@ def test_no_objects(tmp_path):
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": b"x"}, "out: found bytes"),
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": [0.0, 0.0]}}, "t_hit that is list"),
         ((np.zeros((2, 3)), np.ones((2, 3))), {"out": {"t_hit": READ_ONLY}}, "that is read-only"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_max": [[1], [1, 2]]}, "t_max: found rows of sev"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_min": [[1], [1, 2]]}, "t_min: found rows of sev"),
+        ((iter([]),), {"t_max": [[1], [1, 2]]}, "t_max: found rows of several lengths"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"progress": None}, "progress: found None, expected"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"progress": 1}, "progress: found 1, expected True"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"scratch": 7}, "scratch: found int, expected a pa"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"scratch": "a\0"}, "scratch: .* without NUL"),
+        (("a\0.npy", "a\0.npy"), {}, "origins: found 'a.x00.npy', expected a path without NUL"),
+        ((MASKED, np.ones((2, 3))), {}, "origins: found masked elements, expected numbers"),
+        ((np.ones((2, 3)), MASKED), {}, "directions: found masked elements"),
+        (([*MASKED], np.ones((2, 3))), {}, "origins: found masked elements"),
+        (([(MASKED, np.ones((2, 3)))],), {}, "origins: found masked elements"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_max": MASKED[0, :2]}, "t_max: found masked"),
+        ((np.zeros((2, 3)), np.ones((2, 3))), {"t_min": np.ma.masked}, "t_min: found masked"),
+        (
+            (np.zeros((2, 3)), np.ones((2, 3))),
+            {"out": {"t_hit": MASKED[0, :2]}},
+            "t_hit that is ma",
+        ),
         (([[0, 0, 0], [0, 0]], np.ones((2, 3))), {}, "origins: found rows of several lengths"),
         (("no.npy", "no.npy"), {}, "no.npy: expected an .npy file of origins"),
     ],
@@ -428,6 +451,22 @@ def test_no_objects(tmp_path):
 def test_refused_in_one_sentence(spheres, arguments, settings, what):
     with pytest.raises(SettingError, match=what):
         spheres.cast_rays(*arguments, **settings)
+
+
+def test_what_is_no_scene():
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    with pytest.raises(SettingError, match="store: found int, expected a path"):
+        bfrt.cast_rays(3, *rays)
+    with pytest.raises(SettingError, match=r"store: found 'a.x00b', expected a path without NUL"):
+        bfrt.open("a\0b")
+    with pytest.raises(SettingError, match="store: found NoneType, expected a path"):
+        bfrt.render(None)
+
+
+def test_an_array_without_a_masked_element_is_one(spheres):
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    found = spheres.cast_rays(*map(np.ma.asarray, rays), out={"t_hit": np.ma.zeros(1)})
+    np.testing.assert_array_equal(found["t_hit"], spheres.cast_rays(*rays)["t_hit"])
 
 
 def test_answers_are_put_into_no_file_and_no_store(spheres, tmp_path):
@@ -438,7 +477,7 @@ def test_answers_are_put_into_no_file_and_no_store(spheres, tmp_path):
         with pytest.raises(SettingError, match=r"found the file .*, expected a folder"):
             ask(*rays, out=tmp_path / "file")
         for folder in (spheres.path, spheres.path / "out"):
-            with pytest.raises(SettingError, match="which is in a store"):
+            with pytest.raises(SettingError, match="found it to be in the store"):
                 ask(*rays, out=folder)
     assert sorted(spheres.path.iterdir()) == before
 
@@ -479,7 +518,67 @@ def test_files_are_whole_or_not_there(spheres, tmp_path, monkeypatch, error):
     monkeypatch.setattr(answers.Columns, "put", fail)
     with pytest.raises((KeyboardInterrupt, bfrt.DiskFullError)):
         spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), out=tmp_path / "out")
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("ask", ["cast_rays", "list_intersections"])
+@pytest.mark.parametrize("renamed", [0, 1, 4])
+def test_all_files_are_there_or_none(spheres, tmp_path, monkeypatch, ask, renamed):
+    """An interrupt between two files that get their names takes the first with it."""
+    rename, done = Path.replace, []
+
+    def interrupt(path, target):
+        if len(done) == renamed:
+            raise KeyboardInterrupt
+        done.append(target)
+        return rename(path, target)
+
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    (tmp_path / "mine").touch()
+    for out in (tmp_path / "a" / "b", tmp_path):
+        monkeypatch.setattr(Path, "replace", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            getattr(spheres, ask)(*rays, out=out)
+        assert len(done) == renamed
+        done.clear()
+        assert sorted(tmp_path.iterdir()) == [tmp_path / "mine", spheres.path]
+        monkeypatch.setattr(Path, "replace", rename)
+    found = getattr(spheres, ask)(*rays, out=tmp_path / "a" / "b")
+    assert {path.stem for path in (tmp_path / "a" / "b").iterdir()} == set(found)
+
+
+@pytest.mark.parametrize(
+    ("place", "what"),
+    [
+        ("file/x/y", "out: found the file .*file, expected a folder .*file/x/y"),
+        ("n" * 300, "found too long a name"),
+        ("new/" + "n" * 300, "found too long a name"),
+        ("n/" * 3000, "found too long a name"),
+        ("a\0b", "expected a path without NUL"),
+        ("taken", "that is no file, expected a file or nothing"),
+        ("round", "expected a path to write to: Too many levels of symbolic links"),
+    ],
+)
+def test_a_folder_that_cannot_be_is_found_before_tracing(
+    spheres, tmp_path, monkeypatch, place, what
+):
+    (tmp_path / "file").touch()
+    (tmp_path / "round").symlink_to(tmp_path / "round")
+    for key in ("t_hit", "occluded", "counts"):
+        (tmp_path / "taken" / f"{key}.npy").mkdir(parents=True)
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.setattr(spheres, "_session", lambda settings: pytest.fail("tracing"))
+    for name in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
+        with pytest.raises(SettingError, match=what) as caught:
+            getattr(spheres, name)(np.zeros((1, 3)), np.ones((1, 3)), out=f"{tmp_path}/{place}")
+        assert len(str(caught.value)) < 1000
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_folder_that_is_not_ours_is_found_before_tracing(spheres, tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: Path(path) != tmp_path)
+    with pytest.raises(SettingError, match="expected one that we may write to"):
+        spheres.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), out=tmp_path / "new" / "er")
 
 
 def test_an_unknown_setting_is_refused(spheres):

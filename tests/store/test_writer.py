@@ -843,3 +843,55 @@ def test_a_killed_writer_leaves_nothing_that_opens(tmp_path, after):
     with StoreWriter(path) as writer:  # and nothing is in the way of another try
         writer.spheres(N3, 1)
     assert open_store(path).objects == 4
+
+
+#: The first of two elements has no value.
+MASKED = np.ma.masked_equal([7, 1], 7)
+
+
+@pytest.mark.parametrize(
+    ("call", "arguments", "name"),
+    [
+        ("spheres", (np.ma.masked_less(np.eye(2, 3), 1), 1.0), "centers"),
+        ("spheres", (np.zeros((2, 3)), MASKED), "radii"),
+        ("spheres", (np.zeros((2, 3)), np.ma.masked), "radii"),
+        ("spheres", (np.zeros((2, 3)), 1.0, MASKED), "materials"),
+        ("spheres", ([np.ma.masked_less([1, 2, 3], 2)] * 2, 1.0), "centers"),
+        ("cones", (np.zeros((2, 3)), MASKED, np.ones((2, 3)), 1.0), "base_radii"),
+        ("cones", (np.zeros((1, 3)), 1.0, np.ma.masked_less(np.eye(1, 3), 1), 1.0), "apexes"),
+        ("triangles", (np.ma.masked_less(np.ones((1, 3, 3)), 2),), "vertices"),
+        ("patches", (np.ones((1, 3, 3)), np.ma.masked_less(np.ones((1, 3, 3)), 2)), "normals"),
+        ("polygons", (np.ma.masked_less(np.eye(4, 3), 1), [4]), "vertices"),
+        ("polygons", (np.eye(4, 3), np.ma.masked_equal([4], 4)), "counts"),
+        ("append", (Kind.SPHERE, np.ma.masked_less(np.eye(2, 4), 1)), "sphere"),
+        ("background", (np.ma.masked_less(np.eye(1, 3)[0], 1),), "background"),
+        ("light", (Light(np.ma.masked_less(np.eye(1, 3)[0], 1)),), "light"),
+    ],
+)
+def test_masked_elements_are_refused(folder, call, arguments, name):
+    """What is below a mask is no number that somebody meant."""
+    writer = StoreWriter(folder / "a.bfrt")
+    with pytest.raises(SceneError, match=f"^{name}: found masked elements, expected numbers$"):
+        getattr(writer, call)(*arguments)
+    writer.abandon()
+    with pytest.raises(SceneError, match=r"^origin: found masked elements"):
+        StoreWriter(folder / "a.bfrt", origin=np.ma.masked_less(np.eye(1, 3)[0], 1))
+
+
+@pytest.mark.parametrize("dtype", ["foo", "f2", int, 7])
+def test_a_dtype_that_is_none_of_the_two(folder, dtype):
+    with pytest.raises(SettingError, match=r"dtype: found .*, expected float32, float64 or None"):
+        StoreWriter(folder / "a.bfrt", dtype=dtype)
+
+
+@pytest.mark.parametrize("name", ["n" * 300, "new/" + "n" * 300])
+def test_too_long_a_name_is_found_before_the_work(folder, name):
+    with pytest.raises(SettingError, match="found too long a name"):
+        StoreWriter(folder / name)
+
+
+def test_a_masked_array_without_a_masked_element_is_one(folder):
+    with StoreWriter(folder / "a.bfrt") as writer:
+        writer.material(Material())
+        writer.spheres(np.ma.zeros((2, 3)), np.ma.ones(2), np.ma.zeros(2, int))
+    assert open_store(folder / "a.bfrt").objects == 2

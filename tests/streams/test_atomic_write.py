@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bfrt.errors import DiskFullError, SettingError, StreamError
-from bfrt.streams.atomic_write import atomic_path, put
+from bfrt.streams.atomic_write import atomic_path, atomic_paths, put
 
 
 def names(folder):
@@ -36,6 +36,45 @@ def test_failure_leaves_the_old_file_and_nothing_else(tmp_path, error):
         raise error
     assert target.read_bytes() == b"old"
     assert names(tmp_path) == ["a.bin"]
+
+
+@pytest.mark.parametrize("named", range(4))
+def test_several_files_have_their_names_or_none_has(tmp_path, monkeypatch, named):
+    """Whatever they take the place of; those that all have their names stay."""
+    targets = [tmp_path / name for name in "abc"]
+    rename, done = Path.replace, []
+
+    def interrupted(path, target):
+        if len(done) == named:
+            raise KeyboardInterrupt
+        done.append(rename(path, target))
+        if len(done) == named == 3:
+            raise KeyboardInterrupt
+
+    targets[2].write_bytes(b"old")
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt), atomic_paths(targets) as paths:
+        for path in paths:
+            path.write_bytes(b"new")
+    assert names(tmp_path) == (["a", "b", "c"] if named == 3 else ["c"])
+    assert targets[2].read_bytes() == (b"new" if named == 3 else b"old")
+
+
+def test_files_of_which_one_is_gone_leave_the_old_ones(tmp_path):
+    targets = [tmp_path / name for name in "ab"]
+    for target in targets:
+        target.write_bytes(b"old")
+    with pytest.raises(StreamError, match="syncing"), atomic_paths(targets) as paths:
+        paths[1].unlink()
+    assert names(tmp_path) == ["a", "b"]
+
+
+def test_a_path_with_a_nul(tmp_path):
+    with (
+        pytest.raises(SettingError, match=r"output: found .*, expected a path without NUL"),
+        atomic_path(f"{tmp_path}/a\0"),
+    ):
+        pytest.fail("it was created")
 
 
 def test_failure_after_the_temporary_file_is_gone_keeps_its_own_error(tmp_path):

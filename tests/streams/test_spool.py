@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.errors import DiskFullError, ShortReadError, StreamError
+from bfrt.streams import spool as spool_module
 from bfrt.streams.spool import Spool
 
 RECORD = np.dtype([("number", "<u8"), ("part", "<u4")])
@@ -31,6 +32,12 @@ def scratch(tmp_path):
     """A folder that is empty again after the test."""
     yield tmp_path
     assert not any(tmp_path.iterdir())
+
+
+@pytest.fixture(autouse=True)
+def grows_soon(monkeypatch):
+    """Memory that is taken a few records at a time, as that of large spools is."""
+    monkeypatch.setattr(spool_module, "FIRST", 2)
 
 
 @given(
@@ -250,3 +257,26 @@ def test_a_closed_spool_is_not_read(scratch):
     spool.close()
     with pytest.raises(ValueError, match="after close"):
         spool.read(1)
+
+
+@given(room=st.integers(0, 1000), blocks=st.lists(st.integers(0, 300), max_size=12))
+def test_memory_grows_with_what_comes(room, blocks):
+    """Up to the room, in steps of which a copy takes no more memory than the room."""
+    with tempfile.TemporaryDirectory() as folder:
+        spool, come, sizes = Spool(RECORD, room, Path(folder)), 0, []
+        for n in blocks:
+            spool.append(records(come, n))
+            come += n
+            size = len(spool._memory)
+            assert min(come, room) <= size <= max(min(room, 4 * come), 7)
+            assert not sizes or size == sizes[-1] or size >= 4 * sizes[-1]
+            sizes.append(size)
+        got = [spool.read(50) for _ in range(come + 1)]
+        np.testing.assert_array_equal(np.concatenate(got), records(0, come))
+        spool.close()
+
+
+def test_room_beyond_the_machines_memory_is_not_taken(scratch):
+    spool = Spool(RECORD, 1 << 55, scratch)
+    spool.append(records(0, 10))
+    np.testing.assert_array_equal(spool.read(20), records(0, 10))

@@ -186,7 +186,9 @@ def test_points_without_a_radius_are_status_2(cloud, tmp_path, capsys):
     for radius in ("nan", "inf"):
         arguments = ["-o", str(tmp_path / "a.bfrt"), "--radius", radius]
         assert main(["convert", str(cloud), *arguments]) == 2
-        assert f"radius: found {radius}, expected a finite number" in capsys.readouterr().err
+        assert (
+            f"radius: found {radius}, expected a finite number above 0" in capsys.readouterr().err
+        )
 
 
 def test_render_a_mesh(square, tmp_path, capsys):
