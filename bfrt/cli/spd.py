@@ -14,6 +14,7 @@ from bfrt.cli.store import size_of
 from bfrt.conversion.sources import parse_spd
 from bfrt.errors import SettingError, StreamError
 from bfrt.paths import check_apart, check_file, check_folder
+from bfrt.process import say
 from bfrt.settings import at_least_one
 from bfrt.spd.mount import HASHES
 from bfrt.store.writer import check_new_store
