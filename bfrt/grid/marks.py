@@ -47,7 +47,7 @@ from bfrt.streams.atomic_write import atomic_path, put, refused
 from bfrt.streams.reader import Reader, SharedFile
 
 MAGIC = b"bfrtmark"
-VERSION = 5
+MARKS_VERSION = 5
 HEADER = struct.Struct("<8sI3IIIQII")
 CRC = struct.Struct("<I")
 
@@ -213,7 +213,7 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
         tables = writer.crcs.astype("<u4").tobytes() + writer.sizes.astype("<i8").tobytes()
         tables += np.packbits(writer.occupied).tobytes()
         header = HEADER.pack(
-            MAGIC, VERSION, *layout.shape, layout.axis, store.checksum, kept, layout.boxes,
+            MAGIC, MARKS_VERSION, *layout.shape, layout.axis, store.checksum, kept, layout.boxes,
             zlib.crc32(tables),
         )  # fmt: skip
         file.seek(0)
@@ -266,13 +266,13 @@ def _read_tables(
             if len(check) < CRC.size or header[: len(MAGIC)] != MAGIC:
                 raise _damaged(path)
             _, version, x, y, z, axis, checksum, kept, boxes, tables_crc = HEADER.unpack(header)
-            if version != VERSION and not verified:
+            if version != MARKS_VERSION and not verified:
                 return None
             if CRC.unpack(check)[0] != zlib.crc32(header):
                 raise _damaged(path)
-            if version != VERSION:
+            if version != MARKS_VERSION:
                 raise StoreError(
-                    f"{path}: found marks of version {version}, expected {VERSION}: the next "
+                    f"{path}: found marks of version {version}, expected {MARKS_VERSION}: the next "
                     "render makes them again"
                 )
             layout = Layout((x, y, z), axis, boxes)

@@ -1,4 +1,7 @@
-"""What nodes and walks of the tree say, one call at a time: for tests, which ask brute force too."""
+"""What nodes and walks of the tree say, one call at a time.
+
+Tests ask it, and brute force too.
+"""
 
 from libc.stdint cimport uint8_t, uint32_t
 
@@ -55,20 +58,42 @@ def box_met(const float[::1] box, origin, direction, double grow):
     return span.near, span.far
 
 
-def treelets_met(const uint8_t[::1] nodes, const uint32_t[::1] leaves, const float[:, ::1] boxes,
-                 ray, first, double reach, int most, bint plain):
-    """Return the next treelets that a ray, (origin, direction), enters, from (t, treelet) `first`
-    on: [(t, treelet), ...]."""
-    cdef Line l = ray_of(ray[0], ray[1])
-    cdef Slope slope = slope_of(&l, 0.0)
-    cdef Entry found[MOST_CANDIDATES]
-    cdef Look look
+cdef class TopTree:
+    """Finds the treelets that rays enter, by a tree above them.
+
+    Parameters
+    ----------
+    nodes, leaves : (nodes,) records.NODE, as bytes, and (treelets,) uint32
+        As `TreeletBuilder` makes them, of leaves of one.
+    boxes : (treelets, 6) float32
+    plain : bool
+        Whether boxes are tested without wide vectors.
+    padding : float
+        By which boxes are grown.
+    """
+
+    cdef const uint8_t[::1] nodes
+    cdef const uint32_t[::1] leaves
+    cdef const float[:, ::1] boxes
     cdef Top top
-    cdef int i, n
-    top.nodes, top.leaves = <const Node*>&nodes[0], &leaves[0]
-    top.boxes, top.stride = <const unsigned char*>&boxes[0, 0], sizeof(Box)
-    top.count, top.padding, top.spans = boxes.shape[0], 0.0, node_spanner(plain)
-    look.first.t, look.first.treelet = first
-    look.reach, look.most, look.node_tests = reach, most, 0
-    n = next_treelets(&top, &l, &slope, &look, found)
-    return [(found[i].t, found[i].treelet) for i in range(n)]
+
+    def __cinit__(self, const uint8_t[::1] nodes, const uint32_t[::1] leaves,
+                  const float[:, ::1] boxes, bint plain, double padding=0.0):
+        self.nodes, self.leaves, self.boxes = nodes, leaves, boxes
+        self.top.nodes, self.top.leaves = <const Node*>&nodes[0], &leaves[0]
+        self.top.boxes, self.top.stride = <const unsigned char*>&boxes[0, 0], sizeof(Box)
+        self.top.count, self.top.padding = boxes.shape[0], padding
+        self.top.spans = node_spanner(plain)
+
+    def next(self, ray, first, double reach, int most):
+        """Return the next treelets that a ray, (origin, direction), enters, from (t, treelet)
+        `first` on: [(t, treelet), ...]."""
+        cdef Line l = ray_of(ray[0], ray[1])
+        cdef Slope slope = slope_of(&l, self.top.padding)
+        cdef Entry found[MOST_CANDIDATES]
+        cdef Look look
+        cdef int i, n
+        look.first.t, look.first.treelet = first
+        look.reach, look.most, look.node_tests = reach, most, 0
+        n = next_treelets(&self.top, &l, &slope, &look, found)
+        return [(found[i].t, found[i].treelet) for i in range(n)]

@@ -20,16 +20,13 @@ from bfrt.store.extent import Extent
 from bfrt.store.header import facts_of
 from bfrt.store.hierarchy import Boxes, Hierarchy, HierarchyWriter, Level
 from bfrt.store.locality import Locality
-from bfrt.store.material_column import MaterialColumn
+from bfrt.store.material_column import READ_BACK_AT_ONCE, MaterialColumn
 from bfrt.store.model import Vector
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Layout
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
-
-#: Objects that are read back at once, for wider materials or for the hierarchy.
-READ_BACK_AT_ONCE = 65536
 
 
 class Prepared(NamedTuple):

@@ -46,6 +46,7 @@ from bfrt.records import (
     Kind,
 )
 from bfrt.store.extent import NOTHING, Bounds
+from bfrt.store.file_facts import FileFacts, check_size, checksum_of, damaged
 from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
@@ -56,14 +57,6 @@ VERSION = 5
 HEADER = "scene.json"
 MADE = "made.json"
 PALETTE = "palette"
-
-
-@dataclass(frozen=True)
-class FileFacts:
-    """Holds what the header says about a file."""
-
-    bytes: int
-    crc32: int
 
 
 @dataclass(frozen=True)
@@ -253,27 +246,6 @@ class Store:
                 raise damaged(path, facts)
 
 
-def damaged(path: Path, facts: FileFacts) -> StoreError:
-    return StoreError(
-        f"{path}: the contents differ from what was written: "
-        f"expected {facts.bytes} bytes with CRC-32 {facts.crc32:08x}"
-    )
-
-
-def checksum_of(path: Path, start: int = 0) -> tuple[int, int]:
-    """Return the CRC-32 and the length of a file from byte `start` on, read in blocks."""
-    crc = length = 0
-    try:
-        with path.open("rb") as file:
-            file.seek(start)
-            while block := file.read(1 << 22):
-                crc = zlib.crc32(block, crc)
-                length += len(block)
-    except OSError as error:
-        raise refused(path, start + length, error, "reading") from error
-    return crc, length
-
-
 def open_store(path: str | os.PathLike[str]) -> Store:
     """Open a store: read its header, check the sizes of its files.
 
@@ -293,7 +265,7 @@ def open_store(path: str | os.PathLike[str]) -> Store:
     store = _parse(path, data)
     for stream in store.streams:
         _check_sizes(stream)
-    _check_size(path / PALETTE, store.palette.bytes)
+    check_size(path / PALETTE, store.palette.bytes)
     return store
 
 
@@ -409,15 +381,4 @@ def _check_sizes(stream: Stream) -> None:
     if {name: facts.bytes for name, facts in stream.files.items()} != expected:
         raise StoreError(f"{stream.folder}: the header contradicts its own counts")
     for name, size in expected.items():
-        _check_size(stream.path(name), size)
-
-
-def _check_size(path: Path, size: int) -> None:
-    try:
-        found = path.stat().st_size
-    except (FileNotFoundError, NotADirectoryError):
-        raise StoreError(f"{path}: the file is missing: expected {size} bytes") from None
-    except OSError as error:
-        raise refused(path, 0, error, "examining") from error
-    if found != size:
-        raise StoreError(f"{path}: found {found} bytes, expected {size}: the store is truncated")
+        check_size(stream.path(name), size)

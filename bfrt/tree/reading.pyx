@@ -9,7 +9,7 @@ from bfrt.treelets.node cimport INNER, WIDE, Node
 
 from bfrt.errors import ShortReadError, StoreError, StreamError
 
-cdef enum:
+cpdef enum:
     DEEPEST_NODE = 48  # levels of nodes that walks have room for (walk.pxd)
 
 cdef extern from "unistd.h" nogil:

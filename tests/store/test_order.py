@@ -12,7 +12,6 @@ from scenes import hard_scenes, random_objects, random_rays, twice
 from bfrt.records import Kind
 from bfrt.reference import exhaustive
 from bfrt.scene import Scene
-from bfrt.settings import REFINEMENTS
 from bfrt.store.extent import bounds_of
 from bfrt.store.model import Camera
 from bfrt.store.ordering.objects import Layout, Objects
@@ -47,7 +46,7 @@ def test_hard_scenes(tmp_path, name):
     for one, other in zip(expected, found, strict=True):
         np.testing.assert_array_equal(one, other)
     scenes = [Scene(store) for store in stores]
-    for refine in REFINEMENTS:
+    for refine in fast.OF_GRIDS:
         for ask in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
             one, other = (getattr(s, ask)(origins, directions, refine=refine) for s in scenes)
             assert one.keys() == other.keys()

@@ -151,8 +151,8 @@ def test_a_header_that_may_not_be_read(path):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("version", 1, "found format version 1, expected 4: convert the scene again"),
-        ("version", "1", "found format version '1', expected 4"),
+        ("version", 1, "found format version 1, expected 5: convert the scene again"),
+        ("version", "1", "found format version '1', expected 5"),
         ("magic", "another", "found 'another', expected 'bfrt scene store'"),
         ("magic", ["x"] * 999, "expected 'bfrt scene store'"),
     ],
@@ -302,7 +302,7 @@ def used(store):
         (("lights", 0), [], "lights: found [], expected a list of 2"),
         (("palette", "bytes"), 97, "palette: found 97 bytes"),
         (("more",), 1, "expected an object with magic, version, origin"),
-        (("version",), 4.0, "version: found 4.0, expected a whole number"),
+        (("version",), 5.0, "version: found 5.0, expected a whole number"),
     ],
 )
 def test_a_malformed_field_is_named(path, way, value, message):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bfrt.reference._tree import node_sides, treelets_met
+from bfrt.reference._tree import TopTree, node_sides
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -118,14 +118,14 @@ def test_treelets_come_in_the_order_of_entry_once_each(plain, most):
     corners[100:110] = corners[100]  # that are entered together
     boxes = boxes_of(corners.astype(np.float32))
     nodes, _, leaves = TreeletBuilder(len(boxes), 1).build(boxes)
-    raw = nodes.view(np.uint8)
+    tree = TopTree(nodes.view(np.uint8), leaves, boxes, plain)
     for _ in range(60):
         origin, direction = rng.uniform(-6, 6, 3), rng.normal(size=3)
         reach = rng.choice([np.inf, 3.0])
         expected, first, found = entries(boxes, origin, direction, reach), (-1.0, 0), []
         ray = origin, direction
         while True:
-            some = treelets_met(raw, leaves, boxes, ray, first, reach, most, plain)
+            some = tree.next(ray, first, reach, most)
             found += some
             if len(some) < most:
                 break
