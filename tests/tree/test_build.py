@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from bfrt.reference._tree import TopTree, node_sides
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bfrt.records import NODE
+from bfrt.reference._tree import TopTree, node_sides
 from bfrt.treelets.build import TreeletBuilder
 
 INNER = 255
