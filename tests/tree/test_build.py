@@ -32,8 +32,9 @@ def check(boxes, treelet, leaf):
     ends = treelets["first"] + treelets["count"]
     assert treelets["first"][0] == 0
     assert (treelets["first"][1:] == ends[:-1]).all()
-    assert ends[-1] == len(boxes)
-    for number, one in enumerate(treelets):
+    assert ends[-1] == len(boxes) - empty.sum()
+    assert empty[order[ends[-1] :]].all()
+    for one in treelets:
         objects = order[int(one["first"]) : int(one["first"] + one["count"])]
         valid = objects[~empty[objects]]
         assert len(valid) <= treelet
@@ -42,7 +43,7 @@ def check(boxes, treelet, leaf):
         own = nodes[int(one["node"]) : int(one["node"] + one["nodes"])]
         seen = below(own, 0, boxes[objects], leaf)
         assert sorted(seen) == list(range(len(valid)))
-        assert number == len(treelets) - 1 or len(valid) == len(objects)
+        assert len(valid) == len(objects)
 
 
 def below(nodes, number, boxes, leaf):
