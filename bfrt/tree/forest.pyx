@@ -102,6 +102,7 @@ cdef class Forest:
             tables.append(table_of(stream))
             numbers.append(np.full(stream.treelets, place, np.uint16))
         table = self.keep(tables[1] if len(streams) == 1 else np.concatenate(tables))
+        tables.clear()  # what is above takes its memory
         self.treelets = len(table)
         self.stream_of = np.concatenate(numbers)
         self.there = np.zeros(self.treelets if resident else 0, np.uint8)
