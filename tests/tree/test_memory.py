@@ -108,8 +108,9 @@ def test_the_fixed_part_has_the_tree_above_and_the_largest_treelet_of_each_threa
         one, three = (fixed_bytes(store, Settings.of(threads=k, refine="tree")) for k in (1, 3))
         assert three - one >= 2 * PieceReader.bytes(store)
         assert Forest.bytes(store) == TREELET_SHARE * sum(s.treelets for s in store.streams)
-        whole = sum(f.bytes for s in store.streams for f in s.files.values())
-        assert 0.4 * whole < Forest.resident_bytes(store) < whole
+        sizes = [stream.expected_bytes() for stream in store.streams]
+        parts = ("nodes", "geometry", "offsets", "ids")
+        assert Forest.resident_bytes(store) == sum(s.get(part, 0) for s in sizes for part in parts)
     large = PieceReader.bytes(stores[1])
     assert large >= 30_000 * 12
 
