@@ -59,7 +59,9 @@ cdef int check_nodes(const Node* nodes, uint32_t n, uint32_t objects,
                 first += node.count[c]
     if not (good and child == n and first <= objects):
         with gil:
-            raise StoreError(f"{file.path}: found nodes that are no tree of their treelet, expected one")
+            raise StoreError(
+                f"{file.path}: found nodes that are no tree of their treelet, expected one"
+            )
     return 0
 
 

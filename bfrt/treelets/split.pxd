@@ -69,7 +69,8 @@ cdef extern from *:
         return d[0] * d[1] + d[1] * d[2] + d[2] * d[0];
     }
 
-    static inline bfrt_four_int bfrt_bins_of(const bfrt_reference *r, bfrt_four low, bfrt_four scale)
+    static inline bfrt_four_int bfrt_bins_of(const bfrt_reference *r, bfrt_four low,
+                                             bfrt_four scale)
     {
         bfrt_four at = (r->side.lo * 0.5f + r->side.hi * 0.5f - low) * scale;
         return __builtin_convertvector(at, bfrt_four_int);
@@ -188,7 +189,7 @@ cdef extern from *:
         r->box.unused = BFRT_NUMBER;
     }
 
-    static inline uint32_t bfrt_referred(const bfrt_reference *r) 
+    static inline uint32_t bfrt_referred(const bfrt_reference *r)
     {
         return r->box.of & (BFRT_NUMBER - 1);
     }
