@@ -186,7 +186,7 @@ class Plan:
     tree : TreePlan, optional
         The treelets, where rays go through them.
     marks_reused : bool
-        Whether all marks exist, so that there is no preprocess.
+        Whether all marks exist, so that there is no preprocess; false without grids.
     rays : RayPlan
         Rays to be traced.
     preprocess, tracing : PhasePlan

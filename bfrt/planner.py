@@ -126,7 +126,7 @@ class Planner(ABC, Generic[Held]):
             bands=self.bands,
             grids=self.grids,
             tree=self.tree,
-            marks_reused=all(grid.marks_there for grid in self.grids),
+            marks_reused=bool(self.grids) and all(g.marks_there for g in self.grids),
             rays=self._rays(),
             preprocess=self.preprocess(),
             tracing=self.tracing(),

@@ -220,7 +220,8 @@ class Scene:
             )
         if asked is not None:
             return asked
-        return TREE if self.store.ordered and not any(of_grid) else FINEST
+        gridded = any(value is not None and value is not False for value in of_grid)
+        return TREE if self.store.ordered and not gridded else FINEST
 
     @contextmanager
     def _session(self, settings: Settings) -> Iterator[Tracer]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from bfrt.budget import TreeCapacities
 from bfrt.phases.preprocess import padding_of
-from bfrt.phases.traversal import FIRST_QUOTA, Queue, Sinks
+from bfrt.phases.traversal import ADMITTED, FIRST_QUOTA, Queue, Sinks
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
@@ -31,8 +31,7 @@ from bfrt.tree.casting import TreeCaster
 from bfrt.tree.forest import Forest
 from bfrt.tree.rays import RAYS_AT_ONCE, TreeIntersector, TreeRays
 
-#: Rays that enter memory at once; rays that go down at once, treelets that a thread takes at once.
-ADMITTED = 65536
+#: Rays that go down at once; treelets that a thread takes at once.
 DESCENDING = 1024
 TREELETS_AT_ONCE = 16
 

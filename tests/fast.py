@@ -36,6 +36,9 @@ from bfrt.tracer import Outcome
 
 Array = NDArray[np.float64]
 
+#: The paper's refinements, which take a store in any order: those of a grid.
+OF_GRIDS = tuple(name for name, made in REFINEMENTS.items() if not made.tree)
+
 PAGE = 4096
 
 #: Where shadow rays end: they count what is hit at t < this, in lengths of their direction.

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from bfrt.records import SCALARS, Kind
+from bfrt.scene import SceneWriter, open_scene
+from bfrt.spd.recipe import ORIGIN
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))
@@ -72,3 +74,10 @@ def joined(blocks, kind):
                 columns.append((part.records, part.materials, counts, part.places + start))
         start += sum(len(part.materials) for part in block)
     return [np.concatenate(column) for column in zip(*columns, strict=True)]
+
+
+def spatial(scene, path):
+    """A standard scene as a store in spatial order."""
+    with SceneWriter(path, dtype=np.float32, origin=ORIGIN, order="spatial") as writer:
+        scene.feed(writer, 1)
+    return open_scene(path)

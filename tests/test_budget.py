@@ -186,7 +186,7 @@ def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more, 
     group = store.groups[0]
     cut = partition_of(group, plan.limits)
     parts = {
-        "fixed": fixed_bytes(store, threads),
+        "fixed": fixed_bytes(store, Settings.of(memory=memory, threads=threads)),
         "frame": frame_held(plan, width, height, samples, 12 * len(aovs)),
         "a slab": min(plan.limits.slab, 512 * cut.bricks),
         "where bricks are": 6 * cut.bricks,

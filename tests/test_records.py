@@ -39,6 +39,7 @@ TWINS = {
     "Delayed": (records.DELAYED, 24),
     "Crossing": (records.CROSSING, 24),
     "Material": (records.MATERIAL, 32),
+    "Treelet": (records.TREELET, 48),
     "Parent": (records.PARENT, 32),
 }
 
@@ -114,7 +115,8 @@ def test_enumerations_are_the_same():
     for why in records.RayKind:
         assert found[why.name] == why
     named = ("KINDS", "VOXEL_BITS", "RAY_BITS", "FACE_BITS", "INDEX_BITS", "KIND_BITS",
-             "STREAM_BITS", "BOX_BYTES", "CODE_BYTES", "OFFSET_BYTES")  # fmt: skip
+             "STREAM_BITS", "BOX_BYTES", "TREELET_BYTES", "NODE_BYTES", "CODE_BYTES",
+             "OFFSET_BYTES")  # fmt: skip
     for name in named:
         assert found[name] == getattr(records, name)
     assert len(found) == len(records.Kind) + len(records.RayKind) + len(named)

@@ -36,9 +36,9 @@ REFUSED = [
     ("threads", 2.0, f"threads: found 2.0, {NO_COUNT}"),
     ("threads", True, f"threads: found True, {NO_COUNT}"),
     ("threads", "2", f"threads: found '2', {NO_COUNT}"),
-    ("refine", "fast", "refine: found 'fast', expected one of base, sg, sgb"),
-    ("refine", "SGB", "refine: found 'SGB', expected one of base, sg, sgb"),
-    ("refine", ["sg"], "refine: found ['sg'], expected one of base, sg, sgb"),
+    ("refine", "fast", "refine: found 'fast', expected one of base, sg, sgb, tree"),
+    ("refine", "SGB", "refine: found 'SGB', expected one of base, sg, sgb, tree"),
+    ("refine", ["sg"], "refine: found ['sg'], expected one of base, sg, sgb, tree"),
     ("grid", 0, f"grid: found 0, {NO_COUNT}"),
     ("grid", 1.5, f"grid: found 1.5, {NO_COUNT}"),
     ("max_grid", -7, f"max_grid: found -7, {NO_COUNT}"),
@@ -155,9 +155,9 @@ def test_words_become_values(tmp_path):
 
 def test_each_refinement_has_those_before_it():
     made = list(REFINEMENTS.values())
-    assert [each.name for each in made] == list(REFINEMENTS) == ["base", "sg", "sgb"]
-    assert [(each.lazy, each.hierarchy) for each in made] == [
-        (False, False), (True, False), (True, True),
+    assert [each.name for each in made] == list(REFINEMENTS) == ["base", "sg", "sgb", "tree"]
+    assert [(each.lazy, each.hierarchy, each.tree) for each in made] == [
+        (False, False, False), (True, False, False), (True, True, False), (True, False, True),
     ]  # fmt: skip
 
 

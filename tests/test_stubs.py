@@ -108,7 +108,7 @@ def value_of(text):
     if any(isinstance(node, (ast.Name, ast.Call, ast.Attribute)) for node in ast.walk(tree)):
         return None
     value = eval(compile(tree, "constant", "eval"), {})
-    return value if isinstance(value, (int, float)) else None
+    return value if type(value) in (int, float) else None
 
 
 def constants_of(text):

@@ -46,7 +46,21 @@ def _sorted(records: NDArray[Any]) -> NDArray[Any]:
     if "key" in (records.dtype.names or ()):
         keys = [records["key"], records["t"], *keys]
     order = np.lexsort(keys)
+    if len(keys) > 1 and _tied(keys, order):
+        # From far away both hits of a ray on an object may have one t: their order is made up.
+        order = np.lexsort([*records["normal"].T, *keys])
     return plain(records)[order].view(records.dtype)
+
+
+def _tied(keys: list[NDArray[Any]], order: NDArray[np.int64]) -> bool:
+    """Tell whether any records have the same keys, of which `order` sorts them."""
+    same = np.ones(max(0, len(order) - 1), np.bool_)
+    for key in reversed(keys):
+        if not same.any():
+            return False
+        ascending = key[order]
+        same &= ascending[1:] == ascending[:-1]
+    return bool(same.any())
 
 
 def rows(

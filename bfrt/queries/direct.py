@@ -11,12 +11,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from bfrt.phases.traversal import ADMITTED
 from bfrt.queries.answers import Columns, Fields, Out, shapes_of
 from bfrt.queries.question import Query
 from bfrt.stats import Counters
 from bfrt.tracer import Tracer
 from bfrt.tree.casting import TreeCaster
-from bfrt.tree_tracer import ADMITTED, TreeTracer
+from bfrt.tree_tracer import TreeTracer
 
 #: Has a caster fill rows of an answer, by their keys, for records of rays.
 Cast = Callable[[TreeCaster, NDArray[Any], dict[str, NDArray[Any]]], None]

@@ -1,6 +1,9 @@
-"""What nodes and walks of the tree say, one call at a time: for tests, which ask brute force too."""
+"""What nodes and walks of the tree say, one call at a time.
 
-from libc.stdint cimport uint8_t, uint32_t
+Tests ask it, and brute force too.
+"""
+
+from libc.stdint cimport int64_t, uint8_t, uint32_t
 
 import numpy as np
 
@@ -62,22 +65,45 @@ def box_met(const float[::1] box, origin, direction, double grow):
     return span.near, span.far
 
 
-def treelets_met(const uint8_t[::1] nodes, const uint32_t[::1] leaves, const float[:, ::1] boxes,
-                 ray, first, double reach, int most, bint plain):
-    """Return the next treelets that a ray, (origin, direction), enters, from (t, treelet) `first`
-    on: [(t, treelet), ...]."""
-    cdef Line l = ray_of(ray[0], ray[1])
-    cdef Entry found[MOST_CANDIDATES]
-    cdef Look look
+cdef class TopTree:
+    """Finds the treelets that rays enter, by a tree above them.
+
+    Parameters
+    ----------
+    nodes, leaves : (nodes,) records.NODE, as bytes, and (treelets,) uint32
+        As `TreeletBuilder` makes them, of leaves of one.
+    boxes : (treelets, 6) float32
+    plain : bool
+        Whether boxes are tested without wide vectors.
+    padding : float
+        By which boxes are grown.
+    """
+
+    cdef const uint8_t[::1] nodes
+    cdef const uint32_t[::1] leaves
+    cdef const float[:, ::1] boxes
     cdef Top top
-    cdef int i, k
-    top.boxes, top.stride = <const unsigned char*>&boxes[0, 0], sizeof(Box)
-    top.count, top.padding, top.spans = boxes.shape[0], 0.0, spans_of(plain)
-    box_clear(&top.around)
-    for i in range(boxes.shape[0]):
-        box_add(&top.around, <const Box*>&boxes[i, 0])
-    top.nodes, top.leaves = <const Node*>&nodes[0], &leaves[0]
-    look.first.t, look.first.treelet = first
-    look.reach, look.most, look.node_tests = reach, most, 0
-    k = next_treelets(&top, &l, &look, found)
-    return [(found[i].t, found[i].treelet) for i in range(k)]
+
+    def __cinit__(self, const uint8_t[::1] nodes, const uint32_t[::1] leaves,
+                  const float[:, ::1] boxes, bint plain, double padding=0.0):
+        cdef int64_t i
+        self.nodes, self.leaves, self.boxes = nodes, leaves, boxes
+        self.top.nodes, self.top.leaves = <const Node*>&nodes[0], &leaves[0]
+        self.top.boxes, self.top.stride = <const unsigned char*>&boxes[0, 0], sizeof(Box)
+        self.top.count, self.top.padding = boxes.shape[0], padding
+        self.top.spans = spans_of(plain)
+        box_clear(&self.top.around)
+        for i in range(boxes.shape[0]):
+            box_add(&self.top.around, <const Box*>&boxes[i, 0])
+
+    def next(self, ray, first, double reach, int most):
+        """Return the next treelets that a ray, (origin, direction), enters, from (t, treelet)
+        `first` on: [(t, treelet), ...]."""
+        cdef Line l = ray_of(ray[0], ray[1])
+        cdef Entry found[MOST_CANDIDATES]
+        cdef Look look
+        cdef int i, n
+        look.first.t, look.first.treelet = first
+        look.reach, look.most, look.node_tests = reach, most, 0
+        n = next_treelets(&self.top, &l, &look, found)
+        return [(found[i].t, found[i].treelet) for i in range(n)]

@@ -1,7 +1,7 @@
 """Cursors over columns."""
 
 cimport cython
-from libc.stdint cimport int64_t, uint64_t
+from libc.stdint cimport int64_t
 
 from bfrt.scan.runs cimport prefetch_runs
 

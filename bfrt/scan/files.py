@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bfrt.errors import StoreError
+from bfrt.store.file_facts import check_size
 from bfrt.store.store import Stream
 from bfrt.streams.reader import Reader, SharedFile
 
@@ -32,9 +33,19 @@ class StreamFiles:
         self._files: dict[str, SharedFile] = {}
 
     def reader(self, name: str, capacity: int) -> Reader:
-        """Return a reader of a file, with a buffer of `capacity` bytes."""
+        """Return a reader of a file, with a buffer of `capacity` bytes.
+
+        Raises
+        ------
+        StoreError
+            If the file has another size by now than when the store was opened.
+        StreamError
+            As the system refuses.
+        """
         if name not in self._files:
-            self._files[name] = SharedFile(self._stream.path(name), self.lazy)
+            path = self._stream.path(name)
+            check_size(path, self._stream.files[name].bytes)
+            self._files[name] = SharedFile(path, self.lazy)
         return Reader(self._files[name], capacity, self.lazy)
 
     def counts(self) -> tuple[int, int]:

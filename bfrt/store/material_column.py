@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 
-#: Materials that are read back at once, to be written in wider integers.
+#: Objects that are read back at once: their materials, to be written in wider integers, or boxes.
 READ_BACK_AT_ONCE = 65536
 
 

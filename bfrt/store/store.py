@@ -48,6 +48,7 @@ from bfrt.records import (
 )
 from bfrt.store.checksum import FileFacts, checksum_of, damaged
 from bfrt.store.extent import NOTHING, Bounds
+from bfrt.store.file_facts import FileFacts, check_size, checksum_of, damaged
 from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
@@ -264,7 +265,7 @@ def open_store(path: str | os.PathLike[str]) -> Store:
     store = _parse(path, data)
     for stream in store.streams:
         _check_sizes(stream)
-    _check_size(path / PALETTE, store.palette.bytes)
+    check_size(path / PALETTE, store.palette.bytes)
     return store
 
 
@@ -380,15 +381,4 @@ def _check_sizes(stream: Stream) -> None:
     if {name: facts.bytes for name, facts in stream.files.items()} != expected:
         raise StoreError(f"{stream.folder}: the header contradicts its own counts")
     for name, size in expected.items():
-        _check_size(stream.path(name), size)
-
-
-def _check_size(path: Path, size: int) -> None:
-    try:
-        found = path.stat().st_size
-    except (FileNotFoundError, NotADirectoryError):
-        raise StoreError(f"{path}: the file is missing: expected {size} bytes") from None
-    except OSError as error:
-        raise refused(path, 0, error, "examining") from error
-    if found != size:
-        raise StoreError(f"{path}: found {found} bytes, expected {size}: the store is truncated")
+        check_size(stream.path(name), size)

@@ -1,4 +1,4 @@
-"""The treelets of a store: the tree above them, which is always in memory, and where each one is."""
+"""The treelets of a store: the tree above them, which is always in memory, and where each is."""
 
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 

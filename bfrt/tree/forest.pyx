@@ -20,6 +20,7 @@ from bfrt.treelets.node cimport Node
 
 from bfrt.errors import StoreError
 from bfrt.records import TREELET
+from bfrt.streams.atomic_write import refused
 from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
@@ -34,22 +35,30 @@ PARTS = "nodes", "geometry", "offsets", "ids"
 def table_of(stream):
     """Read a stream's treelets, (treelets,) of records.TREELET, which follow one another.
 
+    Between them may be objects that nothing can hit, at the end of a window, which are in none.
+
     Raises
     ------
     StoreError
-        If they do not, or have boxes that are none.
+        If they do not, have no objects or nodes, or boxes that are none.
+    StreamError
+        As the system refuses.
     """
     path = stream.path("treelets")
-    table = np.fromfile(path, TREELET)
+    try:
+        table = np.fromfile(path, TREELET)
+    except OSError as error:
+        raise refused(path, 0, error, "reading") from error
     good = len(table) == stream.treelets
     for begin, size, end in (("first", "count", stream.count), ("node", "nodes", stream.nodes)):
-        ends = np.cumsum(table[size], dtype=np.uint64)
-        begins = ends - table[size]
-        good = good and np.array_equal(table[begin], begins) and table[size].sum() == end
+        begins, sizes = table[begin], table[size].astype(np.uint64)
+        following = np.append(begins[1:], np.uint64(end))
+        fits = (begins <= end) & (sizes > 0) & (begins + sizes <= following)
+        good = good and bool(fits.all())
     for axis in "xyz":
         low, high = table[f"lo{axis}"], table[f"hi{axis}"]
         good = good and bool((np.isfinite(low) & np.isfinite(high) & (low <= high)).all())
-    if not good or (table["nodes"] == 0).any():
+    if not good:
         raise StoreError(f"{path}: found treelets that do not follow one another, expected all")
     return table
 
@@ -96,6 +105,7 @@ cdef class Forest:
             tables.append(table_of(stream))
             numbers.append(np.full(stream.treelets, place, np.uint16))
         table = self.keep(tables[1] if len(streams) == 1 else np.concatenate(tables))
+        tables.clear()  # what is above takes its memory
         self.treelets = len(table)
         self.stream_of = np.concatenate(numbers)
         self.there = np.zeros(self.treelets if resident else 0, np.uint8)

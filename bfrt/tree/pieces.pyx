@@ -13,6 +13,7 @@ from bfrt.tree.reading cimport check_ends, check_nodes, read_at
 from bfrt.tree.walk cimport Piece
 from bfrt.treelets.node cimport Node
 
+
 @cython.final
 cdef class PieceReader:
     """Reads treelets of a forest into one worker's memory.

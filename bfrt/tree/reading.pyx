@@ -9,7 +9,7 @@ from bfrt.treelets.node cimport INNER, LARGEST_LEAF, WIDE, Node
 
 from bfrt.errors import ShortReadError, StoreError, StreamError
 
-cdef enum:
+cpdef enum:
     DEEPEST_NODE = 48  # levels of nodes that walks have room for (walk.pxd)
 
 cdef extern from "unistd.h" nogil:
@@ -60,7 +60,9 @@ cdef int check_nodes(const Node* nodes, uint32_t n, uint32_t objects,
                 good = good and node.count[c] <= LARGEST_LEAF
     if not (good and child == n and first <= objects):
         with gil:
-            raise StoreError(f"{file.path}: found nodes that are no tree of their treelet, expected one")
+            raise StoreError(
+                f"{file.path}: found nodes that are no tree of their treelet, expected one"
+            )
     return 0
 
 

@@ -94,7 +94,7 @@ cdef class TreeletBuilder:
         Parameters
         ----------
         boxes : (n, 6) float32
-            The six of each are side by side. Empty ones are below no node: they come last, in the last treelet.
+            The six of each are side by side. Empty ones are in no treelet: they come last.
 
         Returns
         -------
@@ -119,8 +119,6 @@ cdef class TreeletBuilder:
                 if box_empty(<const Box*>&boxes[i, 0]):
                     self.placed[self.place] = <uint32_t>i
                     self.place += 1
-                    if self.treelet_count:
-                        self.treelet[self.treelet_count - 1].count += 1
         return (
             self.node_records[: self.node_count],
             self.treelet_records[: self.treelet_count],

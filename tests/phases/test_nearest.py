@@ -18,7 +18,6 @@ from bfrt.phases.eye import EyeRays
 from bfrt.records import NO_HIT
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects
-from bfrt.settings import REFINEMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = Path(os.environ.get("BFRT_SHARED", ROOT.parent / "shared"))
@@ -31,7 +30,7 @@ def check(store, origins, directions, scratch, capacities, sorts=None):
     """Both kinds of rays, by both paths; returns the fast path's answer."""
     t, ids = exhaustive.nearest(store, origins, directions)
     dark = exhaustive.occluded(store, origins, directions, fast.SHADOW_END)
-    for refine in REFINEMENTS:
+    for refine in fast.OF_GRIDS:
         found = fast.nearest(store, origins, directions, scratch, capacities, refine)
         different = (found.t != t) | (found.ids != ids)
         wrong = np.flatnonzero(different)[:9]

@@ -1,4 +1,4 @@
-"""The paper's refinements change what is read, never what is seen."""
+"""The paper's refinements, and the tree, change what is read, never what is seen."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from spd_scenes import spatial
 
 import bfrt
 from bfrt.errors import SettingError, StoreError
@@ -16,7 +17,6 @@ from bfrt.grid._hierarchy_walk import HierarchyWalk
 from bfrt.grid.grid import Grid
 from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.records import ON_REQUEST, PARENT, Kind
-from bfrt.settings import REFINEMENTS
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import open_store
 from bfrt.workers import Workers
@@ -46,8 +46,12 @@ def test_pictures_and_rays_are_the_same(name, tmp_path):
         )
         images = {
             r: bfrt.render(store, memory="256MiB", camera=camera, refine=r, aovs=AOVS)
-            for r in REFINEMENTS
+            for r in fast.OF_GRIDS
         }
+        ordered = spatial(scene, tmp_path / f"{size}.ordered.bfrt")
+        images["tree"] = bfrt.render(
+            ordered, memory="256MiB", camera=camera, refine="tree", aovs=AOVS
+        )
         base = images["base"]
         for image in images.values():
             assert pixels(image) == pixels(base)
@@ -86,7 +90,7 @@ def test_less_is_read(tmp_path):
         writer.light(bfrt.Light((0, -50, 0)))
         writer.triangles(corners)
     totals = {}
-    for refine in REFINEMENTS:
+    for refine in fast.OF_GRIDS:
         stats = bfrt.render(
             tmp_path / "a.bfrt", memory="256MiB", refine=refine, fresh_marks=True
         ).stats
@@ -111,7 +115,7 @@ def test_less_is_read(tmp_path):
 def test_less_is_read_of_every_scene_of_a_million(name, size, tmp_path):
     store = bfrt.spd.scene(name, size).write(tmp_path / "a.bfrt")
     read, images = {}, {}
-    for refine in REFINEMENTS:
+    for refine in fast.OF_GRIDS:
         image = images[refine] = bfrt.render(
             store, memory="256MiB", refine=refine, fresh_marks=True
         )
@@ -125,7 +129,7 @@ def test_less_is_read_of_every_scene_of_a_million(name, size, tmp_path):
 
 def test_a_refinement_that_is_none(tmp_path):
     store = bfrt.spd.tetra(2).write(tmp_path / "a.bfrt")
-    with pytest.raises(SettingError, match="refine: found 'fast', expected one of base, sg, sgb"):
+    with pytest.raises(SettingError, match="refine: found 'fast', expected one of base"):
         bfrt.render(store, refine="fast")
 
 
@@ -194,7 +198,7 @@ def test_a_hierarchy_that_lies_is_refused(tmp_path):
 def test_polygons_whose_ends_descend_are_refused(tmp_path):
     (stream,) = bfrt.spd.gears(1).write(tmp_path / "a.bfrt").store.streams
     ends = np.fromfile(stream.path("offsets"), "<u4")
-    for refine in REFINEMENTS:
+    for refine in fast.OF_GRIDS:
         broken = ends.copy()
         broken[20:60] = ends[20:60][::-1]
         broken.tofile(stream.path("offsets"))

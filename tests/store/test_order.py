@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import hard_scenes, random_objects, random_rays, twice
 
+import bfrt
 from bfrt.records import Kind
 from bfrt.reference import exhaustive
 from bfrt.scene import Scene
-from bfrt.settings import REFINEMENTS
 from bfrt.store.extent import bounds_of
 from bfrt.store.model import Camera
+from bfrt.store.ordering import order as order_module
 from bfrt.store.ordering.objects import Layout, Objects
 from bfrt.store.ordering.parts import Means, Source, as_they_come, by_place
 from bfrt.store.store import open_store
@@ -47,7 +48,7 @@ def test_hard_scenes(tmp_path, name):
     for one, other in zip(expected, found, strict=True):
         np.testing.assert_array_equal(one, other)
     scenes = [Scene(store) for store in stores]
-    for refine in REFINEMENTS:
+    for refine in fast.OF_GRIDS:
         for ask in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
             one, other = (getattr(s, ask)(origins, directions, refine=refine) for s in scenes)
             assert one.keys() == other.keys()
@@ -135,3 +136,23 @@ def test_of_two_objects_at_one_place_the_first_given_is_hit(tmp_path):
     found = [Scene(s).cast_rays(origins, directions)["primitive_ids"] for s in stores]
     np.testing.assert_array_equal(*found)
     assert (found[0] >= 0).any()
+
+
+def test_windows_of_objects_that_nothing_can_hit(tmp_path, monkeypatch):
+    """They have no treelet; what comes after them is found all the same."""
+    monkeypatch.setattr(order_module, "Means", lambda *given: Means(*given, 50))
+    rng = np.random.default_rng(34)
+    corners = rng.uniform(-1, 1, (400, 4, 3))
+    corners[150:260] = corners[150:260, :1]
+    rays = rng.uniform(-2, 2, (300, 3)), rng.normal(size=(300, 3))
+    for kind, table in (("triangles", corners[:, :3]), ("polygons", corners.reshape(-1, 3))):
+        found = []
+        for order in ORDERS:
+            with bfrt.SceneWriter(tmp_path / f"{kind} {order}", order=order) as writer:
+                getattr(writer, kind)(table, *([np.full(400, 4)] if kind == "polygons" else []))
+            scene = bfrt.open(tmp_path / f"{kind} {order}")
+            assert scene.store.streams[0].degenerate == 110
+            found.append(scene.list_intersections(*rays))
+        assert len(found[0]["ray_ids"]) > 100
+        for key, values in found[0].items():
+            np.testing.assert_array_equal(values, found[1][key])

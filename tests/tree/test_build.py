@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from bfrt.reference._tree import node_sides, treelets_met
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bfrt.records import NODE
+from bfrt.reference._tree import TopTree, node_sides
 from bfrt.treelets.build import TreeletBuilder
 
 INNER = 255
@@ -32,8 +32,9 @@ def check(boxes, treelet, leaf):
     ends = treelets["first"] + treelets["count"]
     assert treelets["first"][0] == 0
     assert (treelets["first"][1:] == ends[:-1]).all()
-    assert ends[-1] == len(boxes)
-    for number, one in enumerate(treelets):
+    assert ends[-1] == len(boxes) - empty.sum()
+    assert empty[order[ends[-1] :]].all()
+    for one in treelets:
         objects = order[int(one["first"]) : int(one["first"] + one["count"])]
         valid = objects[~empty[objects]]
         assert len(valid) <= treelet
@@ -42,7 +43,7 @@ def check(boxes, treelet, leaf):
         own = nodes[int(one["node"]) : int(one["node"] + one["nodes"])]
         seen = below(own, 0, boxes[objects], leaf)
         assert sorted(seen) == list(range(len(valid)))
-        assert number == len(treelets) - 1 or len(valid) == len(objects)
+        assert len(valid) == len(objects)
 
 
 def below(nodes, number, boxes, leaf):
@@ -118,14 +119,14 @@ def test_treelets_come_in_the_order_of_entry_once_each(plain, most):
     corners[100:110] = corners[100]  # that are entered together
     boxes = boxes_of(corners.astype(np.float32))
     nodes, _, leaves = TreeletBuilder(len(boxes), 1).build(boxes)
-    raw = nodes.view(np.uint8)
+    tree = TopTree(nodes.view(np.uint8), leaves, boxes, plain)
     for _ in range(60):
         origin, direction = rng.uniform(-6, 6, 3), rng.normal(size=3)
         reach = rng.choice([np.inf, 3.0])
         expected, first, found = entries(boxes, origin, direction, reach), (-1.0, 0), []
         ray = origin, direction
         while True:
-            some = treelets_met(raw, leaves, boxes, ray, first, reach, most, plain)
+            some = tree.next(ray, first, reach, most)
             found += some
             if len(some) < most:
                 break

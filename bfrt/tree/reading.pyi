@@ -1,0 +1,1 @@
+DEEPEST_NODE: int
