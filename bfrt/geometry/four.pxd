@@ -25,6 +25,10 @@ cdef extern from *:
     #if defined(__x86_64__) && defined(__GNUC__)
     #include <immintrin.h>
 
+    #define BFRT_DOT(a, b) _mm256_add_pd( \\
+        _mm256_add_pd(_mm256_mul_pd(a[0], b[0]), _mm256_mul_pd(a[1], b[1])), \\
+        _mm256_mul_pd(a[2], b[2]))
+
     /* Where each of four is, of the n that there are: the last again and again. */
     #define BFRT_FOUR(i) (records + ((i) < n ? (i) : n - 1) * stride)
 
@@ -41,7 +45,8 @@ cdef extern from *:
         }
         _MM_TRANSPOSE4_PS(part[0], part[1], part[2], part[3]);
         _MM_TRANSPOSE4_PS(part[4], part[5], part[6], part[7]);
-        part[8] = _mm_movelh_ps(_mm_unpacklo_ps(last[0], last[1]), _mm_unpacklo_ps(last[2], last[3]));
+        part[8] = _mm_movelh_ps(_mm_unpacklo_ps(last[0], last[1]),
+                                _mm_unpacklo_ps(last[2], last[3]));
         int kz = ray->k, kx = kz == 2 ? 0 : kz + 1, ky = kz == 0 ? 2 : kz - 1;
         __m256d ox = _mm256_broadcast_sd(&ray->o[kx]), dx = _mm256_broadcast_sd(&ray->d[kx]);
         __m256d oy = _mm256_broadcast_sd(&ray->o[ky]), dy = _mm256_broadcast_sd(&ray->d[ky]);
@@ -78,20 +83,19 @@ cdef extern from *:
             d[k] = _mm256_broadcast_sd(&ray->d[k]);
             co[k] = _mm256_sub_pd(_mm256_broadcast_sd(&ray->o[k]), _mm256_cvtps_pd(part[k]));
         }
-        __m256d b = _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(co[0], d[0]), _mm256_mul_pd(co[1], d[1])),
-                                  _mm256_mul_pd(co[2], d[2]));
+        __m256d b = BFRT_DOT(co, d);
         __m256d t = _mm256_div_pd(_mm256_xor_pd(b, _mm256_set1_pd(-0.0)),
                                   _mm256_broadcast_sd(&ray->square));
         for (int k = 0; k < 3; k++)
             co[k] = _mm256_add_pd(co[k], _mm256_mul_pd(d[k], t));
-        __m256d away = _mm256_add_pd(_mm256_add_pd(_mm256_mul_pd(co[0], co[0]), _mm256_mul_pd(co[1], co[1])),
-                                     _mm256_mul_pd(co[2], co[2]));
+        __m256d away = BFRT_DOT(co, co);
         __m256d r = _mm256_cvtps_pd(part[3]);
         __m256d room = _mm256_sub_pd(_mm256_mul_pd(r, r), away);
         return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(room, _mm256_setzero_pd(), _CMP_GE_OQ))
             & ((1u << n) - 1);
     }
     #undef BFRT_FOUR
+    #undef BFRT_DOT
     #define BFRT_HAS_FOUR __builtin_cpu_supports("avx2")
     #else
     #define bfrt_four_triangles 0

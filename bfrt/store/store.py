@@ -46,7 +46,6 @@ from bfrt.records import (
     TREELET_BYTES,
     Kind,
 )
-from bfrt.store.checksum import FileFacts, checksum_of, damaged
 from bfrt.store.extent import NOTHING, Bounds
 from bfrt.store.file_facts import FileFacts, check_size, checksum_of, damaged
 from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text

@@ -226,7 +226,7 @@ cdef class TreeRays:
         return kept - first, n, eye_hits
 
     cdef bint complete(self, const Ray* r) noexcept nogil:
-        """Tell whether a ray has no sentinel, or a nearer hit: strictly, so that all ties are met."""
+        """Tell whether a ray has no sentinel, or a nearer hit: strictly, so that ties are met."""
         cdef Entry sentinel
         cdef Line line
         if r.state == OVER:

@@ -143,9 +143,9 @@ cdef extern from *:
         __m128 slope = _mm_loadu_ps(s->slope);
         __m128 low = _mm_insert_ps(_mm_loadu_ps(node->low), _mm_setzero_ps(), 0x38);
         low = _mm_sub_ps(low, _mm_loadu_ps(s->base));
-        __m128 quantum = _mm_castsi128_ps(_mm_slli_epi32(
-            _mm_add_epi32(_mm_cvtepi8_epi32(_mm_cvtsi32_si128(exponents)), _mm_set1_epi32(127)), 23));
-        __m128 paces = _mm_mul_ps(quantum, slope);
+        __m128i quantum = _mm_cvtepi8_epi32(_mm_cvtsi32_si128(exponents));
+        quantum = _mm_slli_epi32(_mm_add_epi32(quantum, _mm_set1_epi32(127)), 23);
+        __m128 paces = _mm_mul_ps(_mm_castsi128_ps(quantum), slope);
         __m128 early = _mm_fmadd_ps(low, slope, _mm_loadu_ps(s->early));
         __m128 late = _mm_fmadd_ps(low, slope, _mm_loadu_ps(s->late));
         __m256 from = _mm256_setzero_ps(), to = _mm256_set1_ps(reach);

@@ -24,7 +24,8 @@ cdef extern from *:
     #include <stdint.h>
     #include <string.h>
 
-    enum { BFRT_WIDE = 8, BFRT_LARGEST_LEAF = 31, BFRT_INNER = 255, BFRT_QUANTA = 255, BFRT_LEAST_EXPONENT = -126 };
+    enum { BFRT_WIDE = 8, BFRT_LARGEST_LEAF = 31, BFRT_INNER = 255 };
+    enum { BFRT_QUANTA = 255, BFRT_LEAST_EXPONENT = -126 };
 
     typedef struct {
         float low[3];

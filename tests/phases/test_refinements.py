@@ -206,7 +206,7 @@ def test_polygons_whose_ends_descend_are_refused(tmp_path):
             bfrt.render(tmp_path / "a.bfrt", memory="256MiB", refine=refine)
 
 
-@pytest.mark.parametrize("refine", REFINEMENTS)
+@pytest.mark.parametrize("refine", fast.OF_GRIDS)
 def test_damaged_ends_of_polygons_are_told_as_such(tmp_path, refine):
     """Whatever an end is, the file that is wrong is the one that is told."""
     scene = bfrt.spd.gears(1).write(tmp_path / "a.bfrt")
