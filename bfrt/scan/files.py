@@ -44,8 +44,9 @@ class StreamFiles:
         """
         if name not in self._files:
             path = self._stream.path(name)
+            file = SharedFile(path, self.lazy)
             check_size(path, self._stream.files[name].bytes)
-            self._files[name] = SharedFile(path, self.lazy)
+            self._files[name] = file
         return Reader(self._files[name], capacity, self.lazy)
 
     def counts(self) -> tuple[int, int]:

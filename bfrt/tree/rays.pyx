@@ -60,7 +60,7 @@ cdef inline void search_for(Search* s, const Ray* r, Forest f) noexcept nogil:
 
 cdef inline void keep(Ray* r, const Search* s) noexcept nogil:
     """Take a search's hit, if it is nearer than the one that the ray has by now."""
-    if s.id == NO_HIT or (s.t == r.t and s.id == r.id):
+    if s.id == NO_HIT:
         return
     lock(&r.lock)
     if s.t < r.t or (
@@ -339,6 +339,7 @@ cdef class TreeIntersector:
                     if r.t < 0.0:  # a shadow ray that has met something already
                         continue
                     search_for(s, r, self.forest)
+                    s.id = NO_HIT  # of another thread's hit the id may belong to an earlier t
                     walk_treelet(p, s)
                     if s.crossings == NULL:
                         keep(r, s)

@@ -7,15 +7,17 @@ from contextlib import nullcontext
 import fast
 import numpy as np
 import pytest
-from scenes import hard_scenes, joined, random_objects, random_rays, units
+from scenes import hard_scenes, joined, random_objects, random_rays, twice, units
 from treelets import FORMS, QUERIES, answers, formed, pair, plain_vectors, same, small_treelets
 
 import bfrt
+from bfrt import tree_tracer
 from bfrt.errors import SettingError
 from bfrt.records import INDEX_BITS, NO_HIT, Kind
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects
 from bfrt.scene import Scene
+from bfrt.store.ordering import files
 
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
@@ -127,6 +129,16 @@ def test_groups_of_one_store(tmp_path, groups):
     rays = rays_at(rng, objects, 20)
     expected = hold(stores, rays)
     assert len(np.unique(expected["cast_rays geometry_ids"])) == 2 * groups + 1
+
+
+def test_ids_of_eight_bytes(tmp_path, monkeypatch):
+    """As of more than 2^32 objects."""
+    monkeypatch.setattr(files, "SHORT_IDS", 10)
+    rng = np.random.default_rng(48)
+    objects = random_objects(rng, 600)
+    stores = pair(twice(objects), tmp_path)
+    assert {stream.id_bytes for stream in stores[1].streams} == {8}
+    hold(stores, rays_at(rng, objects, 10))
 
 
 def test_thousands_at_one_place(tmp_path):
@@ -242,3 +254,18 @@ def test_every_budget_from_the_least_up(tmp_path):
         for form in ("resident", "streamed"):
             with formed(ordered, form) as scene:
                 same(expected, answers(scene, *rays, memory=memory, threads=1), memory)
+
+
+@pytest.mark.slow
+def test_threads_that_come_upon_one_ray_at_once(tmp_path, monkeypatch):
+    """Few rays through many treelets that overlap: what one thread reads another changes."""
+    monkeypatch.setattr(tree_tracer, "TREELETS_AT_ONCE", 1)
+    rng = np.random.default_rng(5)
+    objects = random_objects(rng, 1500, [Kind.SPHERE], spread=1.0, size=3.0)
+    given, ordered = pair(objects, tmp_path, treelets=(1, 1))
+    origins = units(rng, 400) * 6
+    directions = rng.uniform(-0.3, 0.3, (400, 3)) - origins
+    expected = Scene(given).cast_rays(origins, directions)
+    with formed(ordered, "streamed") as scene:
+        for _ in range(6000):
+            same(expected, scene.cast_rays(origins, directions, threads=2))
