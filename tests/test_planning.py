@@ -163,7 +163,7 @@ def test_groups_have_a_grid_each(tmp_path):
     for name, place in (("a", 0.0), ("b", 1.0)):
         lines = [f"s {place + k / 40} {k % 7 / 9} {k % 5 / 9} 0.05" for k in range(200)]
         (tmp_path / f"{name}.nff").write_text(text + "\n".join(lines) + "\n")
-    bfrt.convert([tmp_path / "a.nff", tmp_path / "b.nff"], tmp_path / "two.bfrt")
+    bfrt.convert([tmp_path / "a.nff", tmp_path / "b.nff"], tmp_path / "two.bfrt", order="given")
     scene = bfrt.open(tmp_path / "two.bfrt")
     for settings in ({}, {"max_grid": 5}):
         planned, image, bands = both(scene, memory="128MiB", **settings)

@@ -201,16 +201,18 @@ def test_functions_have_the_methods_words(name):
 # --- what it keeps -------------------------------------------------------------------------------
 
 
-def test_a_second_query_makes_nothing_again(scene, rays, expected, made):
+@pytest.mark.parametrize("refine", ["sgb", "tree"])
+def test_a_second_query_makes_nothing_again(scene, rays, expected, made, refine):
     before = open_files()
-    first = scene.cast_rays(*rays, **MEMORY)
+    first = scene.cast_rays(*rays, **MEMORY, refine=refine)
     kept = open_files(), threads()
     assert kept[0] > before
     for name in (*QUERIES, *QUERIES):
-        answer = getattr(scene, name)(*rays, **MEMORY)
+        answer = getattr(scene, name)(*rays, **MEMORY, refine=refine)
         same(answer, expected[name])
-        assert answer.stats.marks_reused
-        assert answer.stats.grids == first.stats.grids
+        assert answer.stats.marks_reused == (refine == "sgb")
+        assert (answer.stats.grids, answer.stats.tree) == (first.stats.grids, first.stats.tree)
+        assert answer.stats.total.treelets_read == 0
         assert answer.stats.total.phases.preprocess.seconds == 0.0
         assert (open_files(), threads()) == kept
     assert len(made) == 1

@@ -72,12 +72,10 @@ class StoreWriter(RecordWriter):
         `Hierarchy`'s.
     order : {"given", "spatial", "auto"}
         The order in which objects are stored: as they are given; spatial, in treelets, for
-        ``refine="tree"``; or auto, which is spatial, since that costs little (docs/tree.rst). Ids
-        count in the order given, always. Objects are brought into spatial order when all are
-        written, and take more room on disk until that is done: up to three times the store.
+        ``refine="tree"``; or auto, which is spatial (docs/tree.rst). Ids count in the order given,
+        always. Until objects are in order they take up to three times the store's room on disk.
     durable : bool
-        Whether the store outlives a loss of power once it has its name, which takes a moment; not
-        needed for a store that is removed after a render.
+        Whether the store outlives a loss of power once it has its name, which takes a moment.
 
     Raises
     ------
@@ -332,8 +330,7 @@ class StoreWriter(RecordWriter):
         Parameters
         ----------
         progress : callable, optional
-            Called while objects are brought into spatial order, with a `bfrt.progress.Done`: the
-            number of objects, of stage "ordering"; returning False cancels.
+            Called with a `bfrt.progress.Done` of stage "ordering"; returning False cancels.
 
         Returns
         -------

@@ -13,6 +13,7 @@ class Forest:
     treelets: int
     padding: float
     resident: bool
+    plain: bool
     def __init__(
         self, store: Store, padding: float, resident: bool, plain: bool = False
     ) -> None: ...

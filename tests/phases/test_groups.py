@@ -93,7 +93,9 @@ def test_a_teapot_in_a_stadium(tmp_path):
     )
     tests = {}
     for groups in (1, 2):
-        with bfrt.SceneWriter(tmp_path / f"{groups}", dtype=np.float32, origin=(0, 0, 0)) as writer:
+        with bfrt.SceneWriter(
+            tmp_path / f"{groups}", dtype=np.float32, origin=(0, 0, 0), order="given"
+        ) as writer:
             scene.feed(writer)
             seats = np.array([[0, 0, 0], [60, 0, 0], [0, 60, 10.0]])
             corners = (ends[:, None] + seats).astype(np.float32)
