@@ -24,7 +24,9 @@ from bfrt.tree.sight cimport (
 from bfrt.treelets.node cimport Node, leaf_counts, objects_before
 
 cdef enum:
-    WAITING = 7 * (32 + 16)  # nodes of a walk: seven a level; DEEPEST of the build, and halves
+    # Nodes of a walk that wait at the most: seven a level, of the 32 levels that the build splits by
+    # its heuristic and of 32 that halve what is below (build.pyx), and the last node's eight.
+    WAITING = 7 * (32 + 32) + 8
 
 # A treelet's nodes and records. Of objects that have several records each, `ends` tells where those
 # of each end, counted from the first.

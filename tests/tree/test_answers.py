@@ -17,7 +17,7 @@ from bfrt.records import INDEX_BITS, NO_HIT, Kind
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects
 from bfrt.scene import Scene
-from bfrt.store.ordering import files
+from bfrt.store.ordering import objects as objects_module
 
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
@@ -133,7 +133,7 @@ def test_groups_of_one_store(tmp_path, groups):
 
 def test_ids_of_eight_bytes(tmp_path, monkeypatch):
     """As of more than 2^32 objects."""
-    monkeypatch.setattr(files, "SHORT_IDS", 10)
+    monkeypatch.setattr(objects_module, "SHORT_IDS", 10)
     rng = np.random.default_rng(48)
     objects = random_objects(rng, 600)
     stores = pair(twice(objects), tmp_path)
