@@ -31,18 +31,18 @@ def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="session")
-def standard(folder: Path, profile: str) -> Iterator[Callable[[str], Path]]:
+def standard(folder: Path, profile: str) -> Iterator[Callable[..., Path]]:
     """Makes a standard scene's store of this profile; one is on disk at a time."""
     there: list[Path] = []
 
-    def make(name: str) -> Path:
+    def make(name: str, order: str = "given") -> Path:
         if name not in SIZES[profile]:
             pytest.skip(f"no {name} in profile {profile}")
-        path = folder / f"{name}{SIZES[profile][name]}.bfrt"
+        path = folder / f"{name}{SIZES[profile][name]}.{order}.bfrt"
         if there != [path]:
             while there:
                 shutil.rmtree(there.pop())
-            there.append(made(name, SIZES[profile][name], folder))
+            there.append(made(name, SIZES[profile][name], folder, order))
         return path
 
     yield make

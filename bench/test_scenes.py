@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from capped import CAP
 from profiles import SIZES
+from stores import ORDERS
 
 import bfrt
 
@@ -29,21 +30,22 @@ def test_make(case: Case, folder: Path, profile: str, name: str) -> None:
 
 
 @pytest.mark.benchmark(group="rendering")
-@pytest.mark.parametrize("refine", ["sgb", "sg", "base"])
+@pytest.mark.parametrize("refine", ["tree", "sgb", "sg", "base"])
 @pytest.mark.parametrize("name", NAMES)
 def test_render(
-    case: Case, standard: Callable[[str], Path], profile: str, name: str, refine: str
+    case: Case, standard: Callable[..., Path], profile: str, name: str, refine: str
 ) -> None:
     """With marks made afresh. Base of what is huge takes hours: it is left out."""
     if refine == "base" and profile == "huge":
         pytest.skip("base of a huge scene takes hours")
-    store = standard(name)
-    case("render", [store], store=str(store), memory=CAP, refine=refine, fresh_marks=True)
+    store = standard(name, ORDERS[refine])
+    fresh = refine != "tree"
+    case("render", [store], store=str(store), memory=CAP, refine=refine, fresh_marks=fresh)
 
 
 @pytest.mark.benchmark(group="rendering again")
 @pytest.mark.parametrize("name", NAMES)
-def test_render_again(case: Case, standard: Callable[[str], Path], name: str) -> None:
+def test_render_again(case: Case, standard: Callable[..., Path], name: str) -> None:
     """With the marks of a render before."""
     store = standard(name)
     bfrt.render(store, memory=CAP)  # makes them, if nobody has
@@ -53,8 +55,11 @@ def test_render_again(case: Case, standard: Callable[[str], Path], name: str) ->
 
 @pytest.mark.benchmark(group="ray queries")
 @pytest.mark.parametrize("what", ["cast_rays", "occluded", "count_intersections"])
+@pytest.mark.parametrize("refine", ["tree", "sgb"])
 @pytest.mark.parametrize("name", ["rings", "mount"])
-def test_query(case: Case, standard: Callable[[str], Path], name: str, what: str) -> None:
+def test_query(
+    case: Case, standard: Callable[..., Path], name: str, refine: str, what: str
+) -> None:
     """A hundred thousand rays between random points."""
-    store = standard(name)
-    case("cast", [store], store=str(store), rays=100_000, query=what, memory=CAP)
+    store = standard(name, ORDERS[refine])
+    case("cast", [store], store=str(store), rays=100_000, query=what, memory=CAP, refine=refine)
