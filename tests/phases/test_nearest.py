@@ -176,7 +176,7 @@ def test_long_scenes(tmp_path, shape):
 
 
 def check_nff(file, scratch, rays, resolution, variations):
-    store = convert(file, scratch / "s.bfrt").store
+    store = convert(file, scratch / "s.bfrt", order="given").store
     rng = np.random.default_rng(7)
     eye = EyeRays(store, replace(store.camera, resolution=(resolution, resolution)), 0)
     seen = eye.read(len(eye))

@@ -167,7 +167,7 @@ def test_a_treelet_s_share_is_what_it_takes(tmp_path, streams, form):
     except OSError:
         pytest.skip("peaks cannot be reset here")
     command = [sys.executable, "-c", GROWING, str(tmp_path / "a"), form]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     peak, treelets = map(int, done.stdout.split())
     assert treelets == 240_000 // streams * streams
     assert peak < TREELET_SHARE * treelets + 3 * MIB
