@@ -2,6 +2,7 @@
 
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 
+from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.four cimport FourTest
 from bfrt.phases.pending cimport prefetch
@@ -22,10 +23,12 @@ cdef struct TreeStream:
     FourTest four
     Node* nodes
     unsigned char* records
-    uint32_t* ends          # NULL where each object has one record
+    Box* boxes              # these two NULL where each object has one record
+    uint32_t* ends
     unsigned char* ids
     void* node_file         # SharedFiles
     void* record_file
+    void* box_file
     void* end_file
     void* id_file
 

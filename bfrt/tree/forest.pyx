@@ -10,7 +10,7 @@ import numpy as np
 from bfrt.geometry.box cimport Box, box_add, box_clear
 from bfrt.geometry.coordinates cimport frame_of
 from bfrt.geometry.four cimport four_test
-from bfrt.records cimport INDEX_BITS, NODE_BYTES, OFFSET_BYTES, TREELET_BYTES, Treelet
+from bfrt.records cimport BOX_BYTES, INDEX_BITS, NODE_BYTES, OFFSET_BYTES, TREELET_BYTES, Treelet
 from bfrt.streams.atomic cimport atomic_add, atomic_exchange, lock, publish, published, unlock
 from bfrt.streams.reader cimport SharedFile
 from bfrt.tree.reading cimport check_ends, check_nodes, read_at
@@ -29,7 +29,7 @@ from bfrt.treelets.build import TreeletBuilder
 TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 8
 
 #: The files that treelets consist of.
-PARTS = "nodes", "geometry", "offsets", "ids"
+PARTS = "nodes", "geometry", "boxes", "offsets", "ids"
 
 
 def table_of(stream):
@@ -131,12 +131,14 @@ cdef class Forest:
         s.id_file = self.opened(stream, "ids")
         if s.counted:
             s.end_file = self.opened(stream, "offsets")
+            s.box_file = self.opened(stream, "boxes")
         if self.resident:
             s.nodes = <Node*>self.memory_of(stream.files["nodes"].bytes)
             s.records = self.memory_of(stream.files["geometry"].bytes)
             s.ids = self.memory_of(stream.files["ids"].bytes)
             if s.counted:
                 s.ends = <uint32_t*>self.memory_of(stream.files["offsets"].bytes)
+                s.boxes = <Box*>self.memory_of(stream.files["boxes"].bytes)
         return 0
 
     cdef void* opened(self, stream, name) except NULL:
@@ -230,6 +232,7 @@ cdef class Forest:
             check_ends(s.ends + begin, count, <uint32_t>record,
                        (<SharedFile>s.record_file).size // s.stride, <SharedFile>s.end_file)
             records = s.ends[begin + count - 1] - record
+            read_at(<SharedFile>s.box_file, s.boxes + begin, count * BOX_BYTES, begin * BOX_BYTES)
         read_at(<SharedFile>s.record_file, s.records + record * s.stride, records * s.stride,
                 record * s.stride)
         read_at(<SharedFile>s.id_file, s.ids + begin * s.id_bytes, count * s.id_bytes,
@@ -256,10 +259,10 @@ cdef class Forest:
         p.kind, p.stride, p.frame = s.kind, s.stride, s.frame
         p.four, p.box, p.nodes = s.four, <const Box*>t, s.nodes + t.node
         p.first = s.number << INDEX_BITS | t.first
-        p.ends, p.begin = NULL, 0
+        p.boxes, p.ends, p.begin = NULL, NULL, 0
         p.records = s.records
         if s.counted:
-            p.ends = s.ends + t.first
+            p.boxes, p.ends = s.boxes + t.first, s.ends + t.first
             p.begin = s.ends[t.first - 1] if t.first > 0 else 0
             p.records += p.begin * s.stride
         else:

@@ -15,5 +15,7 @@ cdef class PieceReader:
 
     cdef const Piece* read(self, uint32_t treelet) except NULL nogil
     cdef int read_counted(self, const TreeStream* s, const Treelet* t) except -1 nogil
+    cdef int read_ends(self, const TreeStream* s, const Treelet* t, size_t at,
+                       uint32_t begin) except -1 nogil
     cdef int grow(self, size_t n) except -1 nogil
     cdef void prefetch(self, uint32_t treelet) noexcept nogil

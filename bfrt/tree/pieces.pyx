@@ -5,7 +5,7 @@ from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport uint32_t
 
 from bfrt.geometry.box cimport Box
-from bfrt.records cimport INDEX_BITS, NODE_BYTES, OFFSET_BYTES, Treelet
+from bfrt.records cimport BOX_BYTES, INDEX_BITS, NODE_BYTES, OFFSET_BYTES, Treelet
 from bfrt.streams.atomic cimport atomic_add
 from bfrt.streams.reader cimport SharedFile, prefetch_bytes
 from bfrt.tree.forest cimport Forest, TreeStream, stream_at, treelet_at
@@ -65,7 +65,7 @@ cdef class PieceReader:
         atomic_add(&self.forest.treelets_read, 1)
         p.kind, p.stride, p.frame, p.four = s.kind, s.stride, s.frame, s.four
         p.first = s.number << INDEX_BITS | t.first
-        p.ends, p.begin = NULL, 0
+        p.boxes, p.ends, p.begin = NULL, NULL, 0
         if s.counted:
             self.read_counted(s, t)
         else:
@@ -80,30 +80,37 @@ cdef class PieceReader:
     cdef int read_counted(self, const TreeStream* s, const Treelet* t) except -1 nogil:
         """Read the records of a treelet whose objects have several each, and where they end."""
         cdef Piece* p = &self.piece
-        cdef size_t nodes = t.nodes * NODE_BYTES, ends = (t.count * OFFSET_BYTES + 7) // 8 * 8
-        cdef size_t records
+        cdef size_t boxes = t.nodes * NODE_BYTES
+        cdef size_t ends = boxes + t.count * BOX_BYTES
+        cdef size_t records = ends + (t.count * OFFSET_BYTES + 7) // 8 * 8
+        cdef size_t size
         cdef uint32_t begin = 0
-        cdef uint32_t* each
         if t.first:
-            read_at(<SharedFile>s.end_file, &begin, OFFSET_BYTES, (t.first - 1) * OFFSET_BYTES)
-        self.grow(nodes + ends)
-        each = <uint32_t*>(self.memory + nodes)
+            read_at(
+                <SharedFile>s.end_file, &begin, OFFSET_BYTES, (t.first - 1) * OFFSET_BYTES
+            )
+        self.grow(records)
+        self.read_ends(s, t, ends, begin)
+        size = (p.ends[t.count - 1] - begin) * s.stride
+        if records + size > self.capacity:
+            self.grow(records + size)
+            self.read_ends(s, t, ends, begin)
         read_at(
-            <SharedFile>s.end_file, each, t.count * OFFSET_BYTES, t.first * OFFSET_BYTES
+            <SharedFile>s.box_file, self.memory + boxes, t.count * BOX_BYTES, t.first * BOX_BYTES
         )
+        read_at(<SharedFile>s.record_file, self.memory + records, size, begin * s.stride)
+        p.boxes, p.begin = <const Box*>(self.memory + boxes), begin
+        p.records = self.memory + records
+        return 0
+
+    cdef int read_ends(self, const TreeStream* s, const Treelet* t, size_t at,
+                       uint32_t begin) except -1 nogil:
+        """Read where the records of a treelet's objects end."""
+        cdef uint32_t* ends = <uint32_t*>(self.memory + at)
+        read_at(<SharedFile>s.end_file, ends, t.count * OFFSET_BYTES, t.first * OFFSET_BYTES)
         check_ends(
-            each, t.count, begin, (<SharedFile>s.record_file).size // s.stride,
+            ends, t.count, begin, (<SharedFile>s.record_file).size // s.stride,
             <SharedFile>s.end_file,
         )
-        records = (each[t.count - 1] - begin) * s.stride
-        if nodes + ends + records > self.capacity:
-            self.grow(nodes + ends + records)
-            each = <uint32_t*>(self.memory + nodes)
-            read_at(
-                <SharedFile>s.end_file, each, t.count * OFFSET_BYTES, t.first * OFFSET_BYTES
-            )
-        read_at(
-            <SharedFile>s.record_file, self.memory + nodes + ends, records, begin * s.stride
-        )
-        p.ends, p.begin, p.records = each, begin, self.memory + nodes + ends
+        self.piece.ends = ends
         return 0

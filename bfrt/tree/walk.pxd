@@ -38,6 +38,7 @@ cdef struct Piece:
     const Box* box
     const Node* nodes
     const unsigned char* records
+    const Box* boxes        # of the objects, NULL where each has one record, of which it is made
     const uint32_t* ends    # NULL where each object has one record
     uint32_t begin          # where the first begins, by that count
     uint64_t first          # the id of the first object
@@ -96,6 +97,11 @@ cdef inline void aim(Search* s, const Line* l, double grow) noexcept nogil:
     s.four = four_ray(l, &s.seen)
 
 
+cdef inline bint enters(const Box* box, const Search* s, BoxHit* m) noexcept nogil:
+    """Tell whether a ray is in an object's box before its hit so far."""
+    return box_span(box, s.heading.grow, &s.line, &m.span) and m.span.near <= s.t
+
+
 cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nogil:
     """Test one object, and keep its hit if it is nearer, or all of its hits."""
     cdef Shape shape
@@ -105,11 +111,14 @@ cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nog
     if p.ends != NULL:
         begin = (p.ends[i - 1] if i > 0 else p.begin) - p.begin
         n = p.ends[i] - p.begin - begin
+        if not enters(&p.boxes[i], s, &m):
+            return 0
     if not shape_load(p.kind, p.records + begin * p.stride, n, &p.frame, &shape):
         return 0
-    shape_bounds(&shape, &box)
-    if not box_span(&box, s.heading.grow, &s.line, &m.span) or m.span.near > s.t:
-        return 0
+    if p.ends == NULL:
+        shape_bounds(&shape, &box)
+        if not enters(&box, s, &m):
+            return 0
     m.line = s.line
     if s.crossings != NULL:
         m.mark = s.mark

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import NODE_BYTES, OFFSET_BYTES
+from bfrt.records import BOX_BYTES, NODE_BYTES, OFFSET_BYTES
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
 from bfrt.store.ordering.objects import Layout, id_bytes_of
@@ -35,7 +35,7 @@ class OrderedFiles:
     treelets, nodes : int
         Numbers of them.
     treelet_bytes : int
-        Bytes of the largest treelet: its nodes, its records, and where they end.
+        Bytes of the largest treelet.
     """
 
     def __init__(self, folder: Path, layout: Layout, count: int, durable: bool) -> None:
@@ -108,7 +108,9 @@ class OrderedFiles:
 
 
 def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
-    """Return the bytes of each treelet of a window: its nodes, its records, where these end."""
+    """Return the bytes of each treelet of a window: its nodes and records; of objects that have
+    several of these each, which are aligned to 8, also the boxes and where the records end.
+    """
     treelets, objects = window.treelets, window.objects
     count: NDArray[np.int64] = treelets["count"].astype(np.int64)
     nodes: NDArray[np.int64] = treelets["nodes"].astype(np.int64) * NODE_BYTES
@@ -117,7 +119,7 @@ def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
     ends = np.concatenate([[0], np.cumsum(objects.counts, dtype=np.int64)])
     first = treelets["first"].astype(np.int64)
     records: NDArray[np.int64] = ends[first + count] - ends[first]
-    return nodes + count * OFFSET_BYTES + records * layout.stride
+    return nodes + count * (BOX_BYTES + OFFSET_BYTES) + 4 + records * layout.stride
 
 
 def replace_folder(folder: Path, other: Path) -> None:
