@@ -21,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,10 +29,8 @@ from typing import Any
 import numpy as np
 from capped import CAP, drop, run_capped
 
-try:
+with suppress(ImportError):  # the peer's Python needs none of it
     import bfrt
-except ImportError:  # the peer needs none of it
-    pass
 
 #: Of each refinement the order of its store.
 ORDERS = {"sgb": "given", "tree": "spatial"}

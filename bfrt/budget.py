@@ -40,6 +40,7 @@ SUBSPACE_PART = 0.7
 IN_FLIGHT_PART = 0.45
 #: Treelets that may stay in memory, of what the frame leaves; rays at once where they do.
 RESIDENT_PART = 0.6
+KEPT_PART = 0.4
 RESIDENT_RAYS = 1 << 16
 GRID_PART = SLAB_PART + UPPER_PART + BLOCK_PART + 0.02
 
@@ -120,9 +121,12 @@ class TreeCapacities(Capacities):
     ----------
     resident : bool
         Whether there is room for all treelets.
+    kept : int
+        Bytes of treelets that stay where there is not.
     """
 
     resident: bool
+    kept: int
 
 
 def fixed_bytes(store: Store, settings: Settings) -> int:
@@ -153,8 +157,8 @@ def capacities(store: Store, settings: Settings, frame: FrameSize = NO_FRAME) ->
     fixed = fixed_bytes(store, settings)
     held = held_frame(frame, memory - fixed, FEWEST_RAYS)
     small = held_frame(frame, 0, FEWEST_RAYS)
-    grid_part = 0.0 if settings.refinement.tree else GRID_PART
-    needed = int(FEWEST_RAYS * (IN_FLIGHT_BYTES / IN_FLIGHT_PART) / (1 - grid_part) + 4096)
+    part = KEPT_PART if settings.refinement.tree else GRID_PART
+    needed = int(FEWEST_RAYS * (IN_FLIGHT_BYTES / IN_FLIGHT_PART) / (1 - part) + 4096)
     least = fixed + small.bytes + needed
     if memory < least:
         what = f"{frame.width} x {frame.height} pixels" if frame.width else "rays"
@@ -186,11 +190,13 @@ def tree_capacities(store: Store, settings: Settings, held: HeldFrame, left: int
     """Divide what the frame leaves among treelets, rays and hits."""
     treelets = Forest.resident_bytes(store)
     resident = treelets <= RESIDENT_PART * left
-    left -= treelets if resident else 0
+    kept = 0 if resident else int(KEPT_PART * left)
+    left -= treelets if resident else kept
     rays = min(int(left * IN_FLIGHT_PART / IN_FLIGHT_BYTES), 1 << RAY_BITS)
     if resident:
         rays = min(rays, RESIDENT_RAYS)
-    return TreeCapacities(**shared_capacities(settings, held, left, rays, 0), resident=resident)
+    shared = shared_capacities(settings, held, left, rays, 0)
+    return TreeCapacities(**shared, resident=resident, kept=kept)
 
 
 def shared_capacities(

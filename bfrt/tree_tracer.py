@@ -71,7 +71,7 @@ class TreeTracer(Tracer):
                 for group in store.groups
             ]
             self._order = self._scans[0].order
-            self._forest = Forest(store, padding_of(store), self.resident)
+            self._forest = Forest(store, padding_of(store), self.resident, capacities.kept)
             self._rays = TreeRays(self._forest, capacities.rays, capacities.candidates)
             each = range(capacities.threads)
             self._intersectors = [TreeIntersector(self._forest, self._order) for _ in each]

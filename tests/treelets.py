@@ -29,12 +29,13 @@ QUERIES = ("cast_rays", "occluded", "count_intersections", "list_intersections")
 #: What budgets of small scenes may hold; none of it may change an answer.
 FORMS: dict[str, Callable[[TreeCapacities], TreeCapacities]] = {
     "resident": lambda held: replace(held, resident=True),
-    "streamed": lambda held: replace(held, resident=False),
+    "streamed": lambda held: replace(held, resident=False, kept=0),
+    "streamed, some kept": lambda held: replace(held, resident=False, kept=5000),
     "resident, few rays": lambda held: replace(
         held, resident=True, rays=61, candidates=61, hits=7, queue=11
     ),
     "streamed, few rays": lambda held: replace(
-        held, resident=False, rays=61, candidates=61, hits=7, queue=11
+        held, resident=False, kept=0, rays=61, candidates=61, hits=7, queue=11
     ),
 }
 

@@ -7,7 +7,7 @@ from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.four cimport FourTest
 from bfrt.phases.pending cimport prefetch
 from bfrt.records cimport INDEX_BITS, NO_HIT, Treelet
-from bfrt.streams.atomic cimport published
+from bfrt.streams.atomic cimport atomic_fetch_add, published
 from bfrt.tree.top cimport Top
 from bfrt.tree.walk cimport Piece
 from bfrt.treelets.node cimport Node
@@ -44,6 +44,9 @@ cdef class Forest:
     cdef TreeStream* streams
     cdef uint8_t[::1] there     # of each treelet, whether it is in memory
     cdef uint8_t[::1] locks
+    cdef int64_t[::1] place     # of each treelet among those kept, from 1; 0 for those that are not
+    cdef uint8_t[::1] kept_bytes    # memory for those
+    cdef int64_t used   # of it
     cdef int64_t treelets_read
     cdef list kept      # what the pointers point into
     cdef list files
@@ -88,3 +91,19 @@ cdef inline void prefetch_id(Forest f, uint64_t id) noexcept nogil:
     if id != NO_HIT:
         s = stream_numbered(f, id >> INDEX_BITS)
         prefetch(s.ids + (id & ((<uint64_t>1 << INDEX_BITS) - 1)) * s.id_bytes)
+
+
+cdef inline unsigned char* kept_at(Forest f, uint32_t treelet) noexcept nogil:
+    """Return where a treelet is that streams, if it is kept."""
+    return &f.kept_bytes[f.place[treelet] - 1] if f.place[treelet] else NULL
+
+
+cdef inline unsigned char* room_to_keep(Forest f, size_t n) noexcept nogil:
+    """Take n bytes to keep a treelet in, if there are so many."""
+    cdef int64_t at = atomic_fetch_add(&f.used, <int64_t>(n + 7) // 8 * 8)
+    return &f.kept_bytes[at] if at + <int64_t>n <= f.kept_bytes.shape[0] else NULL
+
+
+cdef inline void keep_at(Forest f, uint32_t treelet, const unsigned char* memory) noexcept nogil:
+    """Keep a treelet that has been read there: in a pass one thread has it, others in the next."""
+    f.place[treelet] = memory - &f.kept_bytes[0] + 1

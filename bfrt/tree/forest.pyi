@@ -15,7 +15,12 @@ class Forest:
     resident: bool
     plain: bool
     def __init__(
-        self, store: Store, padding: float, resident: bool, plain: bool = False
+        self,
+        store: Store,
+        padding: float,
+        resident: bool,
+        kept: int = 0,
+        plain: bool = False,
     ) -> None: ...
     @staticmethod
     def bytes(store: Store) -> int: ...

@@ -25,8 +25,8 @@ from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
 #: reference, its places in the order and among the leaves, a part of a node as it is made and as it
-#: stays, its stream, its state, and where its rays begin.
-TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 8
+#: stays, its stream, its state, its place among those kept, and where its rays begin.
+TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 8 + 8
 
 #: The files that treelets consist of.
 PARTS = "nodes", "geometry", "boxes", "offsets", "ids"
@@ -77,6 +77,8 @@ cdef class Forest:
         d, by which boxes are padded (docs/algorithm.rst, Exactness).
     resident : bool
         Whether treelets stay in memory.
+    kept : int
+        Of treelets that stream the bytes that stay, once they are read: the first that come.
     plain : bool
         Whether boxes are tested without wide vectors; it changes no answer.
 
@@ -91,7 +93,7 @@ cdef class Forest:
         If the treelets are not what they should be.
     """
 
-    def __cinit__(self, store, double padding, bint resident, bint plain=False):
+    def __cinit__(self, store, double padding, bint resident, int64_t kept=0, bint plain=False):
         self.padding, self.resident, self.plain = padding, resident, plain
         self.kept, self.files = [], []
         streams = [stream for stream in store.streams if stream.treelets]
@@ -110,6 +112,8 @@ cdef class Forest:
         self.stream_of = np.concatenate(numbers)
         self.there = np.zeros(self.treelets if resident else 0, np.uint8)
         self.locks = np.zeros(self.treelets if resident else 0, np.uint8)
+        self.place = np.zeros(0 if resident else self.treelets, np.int64)
+        self.kept_bytes = np.empty(0 if resident else max(1, kept), np.uint8)
         self.grow_top(table)
 
     def __dealloc__(self):

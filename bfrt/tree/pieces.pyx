@@ -2,16 +2,36 @@
 
 cimport cython
 from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
-from libc.stdint cimport uint32_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box
 from bfrt.records cimport BOX_BYTES, INDEX_BITS, NODE_BYTES, OFFSET_BYTES, Treelet
 from bfrt.streams.atomic cimport atomic_add
 from bfrt.streams.reader cimport SharedFile, prefetch_bytes
-from bfrt.tree.forest cimport Forest, TreeStream, stream_at, treelet_at
+from bfrt.tree.forest cimport (
+    Forest, TreeStream, keep_at, kept_at, room_to_keep, stream_at, treelet_at,
+)
 from bfrt.tree.reading cimport check_ends, check_nodes, read_at
 from bfrt.tree.walk cimport Piece
 from bfrt.treelets.node cimport Node
+
+
+cdef inline Parts parts_of(const TreeStream* s, const Treelet* t) noexcept nogil:
+    """Lay out a treelet; what is counted has records still to come."""
+    cdef Parts parts
+    parts.boxes = t.nodes * NODE_BYTES
+    if not s.counted:
+        parts.ends = parts.records = parts.boxes
+        parts.size = parts.records + t.count * s.stride
+        return parts
+    parts.ends = parts.boxes + t.count * BOX_BYTES
+    parts.size = parts.records = parts.ends + ((t.count + 1) * OFFSET_BYTES + 7) // 8 * 8
+    return parts
+
+
+cdef inline uint64_t records_of(const TreeStream* s) noexcept nogil:
+    """Return how many records a stream has."""
+    return (<SharedFile>s.record_file).size // s.stride
 
 
 @cython.final
@@ -52,6 +72,8 @@ cdef class PieceReader:
         """Have the system begin to read a treelet."""
         cdef const Treelet* t = treelet_at(self.forest, treelet)
         cdef const TreeStream* s = stream_at(self.forest, treelet)
+        if kept_at(self.forest, treelet) != NULL:
+            return
         prefetch_bytes(<SharedFile>s.node_file, t.node * NODE_BYTES, t.nodes * NODE_BYTES)
         if not s.counted:
             prefetch_bytes(<SharedFile>s.record_file, t.first * s.stride, t.count * s.stride)
@@ -61,56 +83,69 @@ cdef class PieceReader:
         cdef const Treelet* t = treelet_at(self.forest, treelet)
         cdef const TreeStream* s = stream_at(self.forest, treelet)
         cdef Piece* p = &self.piece
-        cdef size_t nodes = t.nodes * NODE_BYTES, records = t.count * s.stride
-        atomic_add(&self.forest.treelets_read, 1)
+        cdef Parts parts = parts_of(s, t)
+        cdef unsigned char* memory = kept_at(self.forest, treelet)
+        if memory == NULL:
+            self.measure(s, t, &parts)
+            memory = room_to_keep(self.forest, parts.size)
+            if memory == NULL:
+                self.grow(parts.size)
+                self.fill(s, t, &parts, self.memory)
+                memory = self.memory
+            else:
+                self.fill(s, t, &parts, memory)
+                keep_at(self.forest, treelet, memory)
         p.kind, p.stride, p.frame, p.four = s.kind, s.stride, s.frame, s.four
         p.first = s.number << INDEX_BITS | t.first
+        p.box, p.nodes = <const Box*>t, <const Node*>memory
+        p.records = memory + parts.records
         p.boxes, p.ends, p.begin = NULL, NULL, 0
         if s.counted:
-            self.read_counted(s, t)
-        else:
-            self.grow(nodes + records)
-            read_at(<SharedFile>s.record_file, self.memory + nodes, records, t.first * s.stride)
-            p.records = self.memory + nodes
-        read_at(<SharedFile>s.node_file, self.memory, nodes, t.node * NODE_BYTES)
-        p.box, p.nodes = <const Box*>t, <const Node*>self.memory
-        check_nodes(p.nodes, t.nodes, t.count, <SharedFile>s.node_file)
+            p.boxes = <const Box*>(memory + parts.boxes)
+            p.ends = <const uint32_t*>(memory + parts.ends) + 1
+            p.begin = (<const uint32_t*>(memory + parts.ends))[0]
         return p
 
-    cdef int read_counted(self, const TreeStream* s, const Treelet* t) except -1 nogil:
-        """Read the records of a treelet whose objects have several each, and where they end."""
-        cdef Piece* p = &self.piece
-        cdef size_t boxes = t.nodes * NODE_BYTES
-        cdef size_t ends = boxes + t.count * BOX_BYTES
-        cdef size_t records = ends + (t.count * OFFSET_BYTES + 7) // 8 * 8
-        cdef size_t size
-        cdef uint32_t begin = 0
-        if t.first:
-            read_at(
-                <SharedFile>s.end_file, &begin, OFFSET_BYTES, (t.first - 1) * OFFSET_BYTES
-            )
-        self.grow(records)
-        self.read_ends(s, t, ends, begin)
-        size = (p.ends[t.count - 1] - begin) * s.stride
-        if records + size > self.capacity:
-            self.grow(records + size)
-            self.read_ends(s, t, ends, begin)
-        read_at(
-            <SharedFile>s.box_file, self.memory + boxes, t.count * BOX_BYTES, t.first * BOX_BYTES
-        )
-        read_at(<SharedFile>s.record_file, self.memory + records, size, begin * s.stride)
-        p.boxes, p.begin = <const Box*>(self.memory + boxes), begin
-        p.records = self.memory + records
+    cdef int measure(self, const TreeStream* s, const Treelet* t, Parts* parts) except -1 nogil:
+        """Find the size of a treelet: that of polygons tell only the ends of their vertices."""
+        cdef uint32_t ends[2]
+        if not s.counted:
+            return 0
+        self.read_ends(s, t.first, 0, ends)
+        self.read_ends(s, t.first + t.count, 0, ends + 1)
+        check_ends(ends, 2, 0, records_of(s), <SharedFile>s.end_file)
+        parts.size += (ends[1] - ends[0]) * s.stride
         return 0
 
-    cdef int read_ends(self, const TreeStream* s, const Treelet* t, size_t at,
-                       uint32_t begin) except -1 nogil:
-        """Read where the records of a treelet's objects end."""
-        cdef uint32_t* ends = <uint32_t*>(self.memory + at)
-        read_at(<SharedFile>s.end_file, ends, t.count * OFFSET_BYTES, t.first * OFFSET_BYTES)
-        check_ends(
-            ends, t.count, begin, (<SharedFile>s.record_file).size // s.stride,
-            <SharedFile>s.end_file,
+    cdef int read_ends(self, const TreeStream* s, uint64_t before, uint32_t n,
+                       uint32_t* ends) except -1 nogil:
+        """Read where the records of n objects end, and before them those that come before."""
+        ends[0] = 0
+        if before:
+            return read_at(
+                <SharedFile>s.end_file, ends, (n + 1) * OFFSET_BYTES, (before - 1) * OFFSET_BYTES
+            )
+        return read_at(<SharedFile>s.end_file, ends + 1, n * OFFSET_BYTES, 0)
+
+    cdef int fill(self, const TreeStream* s, const Treelet* t, const Parts* parts,
+                  unsigned char* memory) except -1 nogil:
+        """Read a treelet."""
+        cdef uint32_t* ends
+        cdef int64_t first = t.first
+        read_at(<SharedFile>s.node_file, memory, t.nodes * NODE_BYTES, t.node * NODE_BYTES)
+        check_nodes(<const Node*>memory, t.nodes, t.count, <SharedFile>s.node_file)
+        if s.counted:
+            ends = <uint32_t*>(memory + parts.ends)
+            self.read_ends(s, t.first, t.count, ends)
+            check_ends(ends, t.count + 1, 0, records_of(s), <SharedFile>s.end_file)
+            read_at(
+                <SharedFile>s.box_file, memory + parts.boxes, t.count * BOX_BYTES,
+                t.first * BOX_BYTES,
+            )
+            first = ends[0]
+        read_at(
+            <SharedFile>s.record_file, memory + parts.records, parts.size - parts.records,
+            first * s.stride,
         )
-        self.piece.ends = ends
+        atomic_add(&self.forest.treelets_read, 1)
         return 0

@@ -24,8 +24,8 @@ from bfrt.tree.sight cimport (
 from bfrt.treelets.node cimport Node, leaf_counts, objects_before
 
 cdef enum:
-    # Nodes of a walk that wait at the most: seven a level, of the 32 levels that the build splits by
-    # its heuristic and of 32 that halve what is below (build.pyx), and the last node's eight.
+    # Nodes of a walk that wait at the most: seven a level, of the 32 levels that the build splits
+    # by its heuristic and of 32 that halve what is below (build.pyx), and the last node's eight.
     WAITING = 7 * (32 + 32) + 8
 
 # A treelet's nodes and records. Of objects that have several records each, `ends` tells where those

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from injected import dividing
 from treelets import small_treelets
 
 import bfrt
@@ -90,7 +93,7 @@ def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
     parts = {
         "fixed": fixed_bytes(store, Settings.of(memory=memory, threads=threads, refine="tree")),
         "frame": (width + corners) * (held.rows + corners) * 56 + pixels,
-        "treelets": treelets if held.resident else 0,
+        "treelets": treelets if held.resident else held.kept,
         "rays": held.rays * (72 + 24),
         "candidates": held.candidates * 8,
         "hits, waiting and shaded": held.hits * (HIT_BYTES + 2 * HIT_BYTES + 16),
@@ -109,7 +112,7 @@ def test_the_fixed_part_has_the_tree_above_and_the_largest_treelet_of_each_threa
         assert three - one >= 2 * PieceReader.bytes(store)
         assert Forest.bytes(store) == TREELET_SHARE * sum(s.treelets for s in store.streams)
         sizes = [stream.expected_bytes() for stream in store.streams]
-        parts = ("nodes", "geometry", "offsets", "ids")
+        parts = ("nodes", "geometry", "boxes", "offsets", "ids")
         assert Forest.resident_bytes(store) == sum(s.get(part, 0) for s in sizes for part in parts)
     large = PieceReader.bytes(stores[1])
     assert large >= 30_000 * 12
@@ -123,6 +126,27 @@ def test_a_treelet_fills_the_memory_of_its_reader(stores):
             sizes = table["nodes"] * 80 + table["count"] * stream.stride
             if not stream.kind.counted:
                 assert stream.treelet_bytes == sizes.max()
+
+
+def test_what_is_kept_is_not_read_again(tmp_path):
+    rng = np.random.default_rng(8)
+    turn = np.linspace(0, 2 * np.pi, 7, endpoint=False)
+    outline = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) * 0.05
+    with small_treelets(), bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
+        writer.spheres(rng.random((3000, 3)), 0.01)
+        corners = rng.random((3000, 1, 3)) + outline
+        writer.polygons(corners.reshape(-1, 3), np.full(3000, 7))
+    rays = rng.uniform(-1, 2, (2000, 3)), rng.normal(size=(2000, 3))
+    read, found = {}, {}
+    for kept in (0, 100_000, 1 << 24):
+        form = partial(replace, resident=False, kept=kept)
+        with dividing(bfrt.open(tmp_path / "a"), form) as scene:
+            for _ in range(2):
+                found[kept] = scene.cast_rays(*rays, refine="tree")
+                read[kept] = found[kept].stats.total.treelets_read
+        for key, values in found[0].items():
+            np.testing.assert_array_equal(values, found[kept][key])
+    assert read[0] > read[100_000] > read[1 << 24] == 0
 
 
 def test_more_memory_makes_them_stay(stores):

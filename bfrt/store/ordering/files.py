@@ -119,7 +119,7 @@ def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
     ends = np.concatenate([[0], np.cumsum(objects.counts, dtype=np.int64)])
     first = treelets["first"].astype(np.int64)
     records: NDArray[np.int64] = ends[first + count] - ends[first]
-    return nodes + count * (BOX_BYTES + OFFSET_BYTES) + 4 + records * layout.stride
+    return nodes + count * (BOX_BYTES + OFFSET_BYTES) + 8 + records * layout.stride
 
 
 def replace_folder(folder: Path, other: Path) -> None:
