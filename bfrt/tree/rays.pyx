@@ -9,6 +9,7 @@ from bfrt.geometry.vector cimport Line
 from bfrt.image.film cimport Film
 from bfrt.phases.crossings cimport CrossingBuffer, hand_over
 from bfrt.phases.nearest cimport ray_bad, ray_line
+from bfrt.phases.pending cimport prefetch_ray
 from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
 from bfrt.scan.given_order cimport GivenOrder, comes_first
@@ -33,6 +34,7 @@ RETIRED_BYTES = RAYS_AT_ONCE * HIT_BYTES
 cdef enum:
     NO_TREELET = 0xFFFFFFFF
     RAY_SHIFT = 32   # a candidate: the treelet above, the ray below
+    SOON = 4    # rays of a treelet: so long before it is looked at, each is fetched
 
 # What becomes of `state`: whether a ray has a sentinel, or begins at the first treelet.
 cdef enum:
@@ -327,13 +329,14 @@ cdef class TreeIntersector:
         cdef Search* s = &self.search
         cdef const Piece* p
         cdef Ray* r
-        cdef int64_t k, i
+        cdef int64_t k, i, last = found.shape[0] - 1
         with nogil:
             for k in range(starts.shape[0] - 1):
                 self.pieces.prefetch(<uint32_t>(found[starts[k]] >> RAY_SHIFT))
             for k in range(starts.shape[0] - 1):
                 p = self.pieces.read(<uint32_t>(found[starts[k]] >> RAY_SHIFT))
                 for i in range(starts[k], starts[k + 1]):
+                    prefetch_ray(&rays.rays[<uint32_t>found[min(i + SOON, last)]])
                     s.mark = <uint32_t>found[i]
                     r = &rays.rays[s.mark]
                     if r.t < 0.0:  # a shadow ray that has met something already

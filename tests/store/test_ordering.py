@@ -177,7 +177,9 @@ def test_progress_of_a_conversion_reads_and_then_orders(tmp_path):
     assert [s for s, _ in itertools.groupby(d.stage for d in told)] == ["writing", "ordering"]
 
 
-@pytest.mark.parametrize("shape", ["random", "local", "crowded"])
+@pytest.mark.parametrize(
+    "shape", ["random", "local", pytest.param("crowded", marks=pytest.mark.slow)]
+)
 def test_the_room_on_disk_is_told_beforehand(tmp_path, monkeypatch, shape):
     """The bytes of all files at once are no more than were told, and not far below."""
     monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 2000)
