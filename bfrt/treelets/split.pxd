@@ -65,15 +65,19 @@ cdef extern from *:
 
     static inline float bfrt_half_surface(const bfrt_range_box *b)
     {
-        bfrt_four d = b->hi - b->lo;
+        /* Sides beyond count as this: products of infinite ones may be no numbers. */
+        const bfrt_four most = {1e18f, 1e18f, 1e18f, 1e18f};
+        bfrt_four d = bfrt_least(b->hi - b->lo, most);
         return d[0] * d[1] + d[1] * d[2] + d[2] * d[0];
     }
 
+    /* A difference may be infinite, which without a scale is no number: `top` then. */
     static inline bfrt_four_int bfrt_bins_of(const bfrt_reference *r, bfrt_four low,
-                                             bfrt_four scale)
+                                             bfrt_four scale, bfrt_four top)
     {
+        const bfrt_four zero = {0.0f, 0.0f, 0.0f, 0.0f};
         bfrt_four at = (r->side.lo * 0.5f + r->side.hi * 0.5f - low) * scale;
-        return __builtin_convertvector(at, bfrt_four_int);
+        return __builtin_convertvector(bfrt_most(bfrt_least(at, top), zero), bfrt_four_int);
     }
 
     /* The box around references, the last component of which means nothing. */
@@ -108,6 +112,8 @@ cdef extern from *:
                 scale[k] = 0.0f;
         }
         low[3] = 0.0f;
+        const float end = (float)(last - 1);
+        const bfrt_four top = {end, end, end, end};
         if (!halved && n > 2 && (scale[0] > 0.0f || scale[1] > 0.0f || scale[2] > 0.0f)) {
             bfrt_range_box bins[3][BFRT_BINS];
             int64_t counts[3][BFRT_BINS] = {{0}};
@@ -116,7 +122,7 @@ cdef extern from *:
                 for (int b = 0; b < last; b++)
                     bins[k][b] = bfrt_no_box();
             for (int64_t i = 0; i < n; i++) {
-                bfrt_four_int at = bfrt_bins_of(&r[i], low, scale);
+                bfrt_four_int at = bfrt_bins_of(&r[i], low, scale, top);
                 for (int k = 0; k < 3; k++) {
                     bfrt_enclose(&bins[k][at[k]], r[i].side.lo, r[i].side.hi);
                     counts[k][at[k]]++;
@@ -155,9 +161,9 @@ cdef extern from *:
             *first = best_first;
             *second = best_second;
             for (;;) {
-                while (i <= j && bfrt_bins_of(&r[i], low, scale)[best_axis] < best_bin)
+                while (i <= j && bfrt_bins_of(&r[i], low, scale, top)[best_axis] < best_bin)
                     i++;
-                while (i <= j && bfrt_bins_of(&r[j], low, scale)[best_axis] >= best_bin)
+                while (i <= j && bfrt_bins_of(&r[j], low, scale, top)[best_axis] >= best_bin)
                     j--;
                 if (i > j)
                     break;

@@ -132,3 +132,14 @@ def test_treelets_come_in_the_order_of_entry_once_each(plain, most):
                 break
             first = some[-1][0], some[-1][1] + 1
         assert found == expected
+
+
+def test_boxes_as_far_apart_as_float32_goes():
+    """Their differences are infinite; each is in one treelet all the same."""
+    rng = np.random.default_rng(6)
+    for axes in ([0], [1, 2], [0, 1, 2]):
+        places = rng.uniform(-1, 1, (5000, 3)).astype(np.float32)
+        places[:, axes] = rng.choice(np.float32([-3.4e38, -1.0, 0.0, 3.4e38]), (5000, len(axes)))
+        _, treelets, order = TreeletBuilder().build(np.hstack([places, places]))
+        assert sorted(order) == list(range(5000))
+        assert treelets["count"].sum() == 5000
