@@ -27,13 +27,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import stores
 from capped import CAP, drop, run_capped
 
 with suppress(ImportError):  # the peer's Python needs none of it
     import bfrt
 
-#: Of each refinement the order of its store.
-ORDERS = {"sgb": "given", "tree": "spatial"}
+#: Those that are compared, each with the order of its store.
+ORDERS = {refine: stores.ORDERS[refine] for refine in ("sgb", "tree")}
 
 
 def capped(arguments: list[str]) -> float:
@@ -88,19 +89,19 @@ def scenes(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     rows = []
     for scene in options.what:
         name, size = scene.split(":")
-        stores, making = {}, {}
+        made, making = {}, {}
         for refine, order in ORDERS.items():
-            stores[refine] = folder / f"{name}{size}.{order}"
-            command = ["spd", name, size, "-o", str(stores[refine]), "--order", order]
+            made[refine] = folder / f"{name}{size}.{order}"
+            command = ["spd", name, size, "-o", str(made[refine]), "--order", order]
             making[refine] = capped(command)
         runs: dict[str, list[dict[str, Any]]] = {refine: [] for refine in ORDERS}
         for _ in range(options.runs):
-            for refine, store in stores.items():
+            for refine, store in made.items():
                 runs[refine].append(rendered(store, refine, folder))
             alike(folder, *(each[-1] for each in runs.values()))
         sgb, tree = (middle(runs[refine]) for refine in ORDERS)
         row = {"scene": scene, "making": making, "sgb": sgb, "tree": tree}
-        row["bytes"] = {refine: bfrt.open(store).bytes for refine, store in stores.items()}
+        row["bytes"] = {refine: bfrt.open(store).bytes for refine, store in made.items()}
         rows.append(row)
         print(
             f"{scene:12} tracing {sgb['tracing']:7.2f} {tree['tracing']:7.2f} s: "
@@ -111,7 +112,7 @@ def scenes(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
             f"{making['tree']:6.2f} s   {tree['phases']}",
             flush=True,
         )
-        for store in stores.values():
+        for store in made.values():
             shutil.rmtree(store)
     return rows
 

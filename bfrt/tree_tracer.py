@@ -129,7 +129,7 @@ class TreeTracer(Tracer):
                 done += self._retire(sinks, counters)
         tell(done)
 
-    def expect(self, rays: int) -> None:
+    def _expect(self, rays: int) -> None:
         """Read all treelets, if so many more rays are likely to come to most of them."""
         self._seen += rays
         if self._all_there or self._seen < RAYS_FOR_ALL * self._forest.treelets:
@@ -142,7 +142,7 @@ class TreeTracer(Tracer):
 
     def cast(self, work: Callable[[int, int, int], None], rays: int, counters: Counters) -> None:
         """Have workers take rays down through treelets in memory, by their casters."""
-        self.expect(rays)
+        self._expect(rays)
         self.workers.run(work, rays, smallest=DESCENDING, largest=ADMITTED // 8)
         self._count(self.casters, counters)
 
@@ -150,14 +150,13 @@ class TreeTracer(Tracer):
         rays = self._rays
         some = queue.read(min(ADMITTED, rays.capacity - rays.active))
         come = rays.admit_again if some.dtype == HIT else rays.admit
+        bad: list[int] = []
         self.workers.run(
-            lambda _, first, last: self._count_bad(come(some, first, last)), len(some),
+            lambda _, first, last: bad.append(come(some, first, last)), len(some),
             smallest=RAYS_AT_ONCE,
         )  # fmt: skip
         rays.come(len(some))
-
-    def _count_bad(self, bad: int) -> None:
-        self._bad += bad
+        self._bad += sum(bad)
 
     def _collect(self, each: int, counters: Counters) -> None:
         rays = self._rays
@@ -181,7 +180,7 @@ class TreeTracer(Tracer):
         self._count(self._intersectors, counters)
 
     def _descend(self, counters: Counters) -> None:
-        self.expect(self._rays.active)
+        self._expect(self._rays.active)
 
         def go(worker: int, first: int, last: int) -> None:
             self._intersectors[worker].descend(self._rays, first, last)
