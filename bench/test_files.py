@@ -19,6 +19,8 @@ RINGS = {"quick": 36, "large": 94, "huge": 94}
 
 Case = Callable[..., dict[str, Any]]
 
+in_each_order = pytest.mark.parametrize("order", ["given", "spatial"])
+
 
 @pytest.fixture(scope="session")
 def ply(folder: Path, profile: str) -> Path:
@@ -51,34 +53,41 @@ def ply_faces(ply: Path) -> int:
     return int(header.split(b"element face ")[1].split()[0])
 
 
+def converted(case: Case, folder: Path, path: Path, **settings: str) -> None:
+    case(
+        "convert", [path], source=str(path), target=str(folder / "c.bfrt"), memory=CAP, **settings
+    )  # fmt: skip
+
+
+@in_each_order
 @pytest.mark.benchmark(group="files")
-def test_ply(case: Case, folder: Path, ply: Path) -> None:
+def test_ply(case: Case, folder: Path, ply: Path, order: str) -> None:
     """Vertices fit where the profile is quick; else they are joined on disk."""
-    case("convert", [ply], source=str(ply), target=str(folder / "c.bfrt"), memory=CAP)
+    converted(case, folder, ply, order=order)
 
 
+@in_each_order
 @pytest.mark.benchmark(group="files")
-def test_stl(case: Case, folder: Path, ply: Path) -> None:
+def test_stl(case: Case, folder: Path, ply: Path, order: str) -> None:
     stl = stl_of(ply)
-    case("convert", [stl], source=str(stl), target=str(folder / "c.bfrt"), memory=CAP)
+    converted(case, folder, stl, order=order)
     stl.unlink()
 
 
+@in_each_order
 @pytest.mark.benchmark(group="files")
-def test_hdf5(case: Case, folder: Path, profile: str) -> None:
+def test_hdf5(case: Case, folder: Path, profile: str, order: str) -> None:
     path = folder / "snapshot.h5"
     particles(PARTICLES[profile], path)
-    case(
-        "convert", [path], source=str(path), target=str(folder / "c.bfrt"), memory=CAP,
-        radius="SmoothingLength", color_by="Density",
-    )  # fmt: skip
+    converted(case, folder, path, order=order, radius="SmoothingLength", color_by="Density")
     path.unlink()
 
 
+@in_each_order
 @pytest.mark.benchmark(group="files")
-def test_nff(case: Case, folder: Path, profile: str) -> None:
+def test_nff(case: Case, folder: Path, profile: str, order: str) -> None:
     path = folder / "rings.nff"
     with path.open("w") as file:
         bfrt.spd.rings(RINGS[profile]).write_nff(file)
-    case("convert", [path], source=str(path), target=str(folder / "c.bfrt"), memory=CAP)
+    converted(case, folder, path, order=order)
     path.unlink()

@@ -86,7 +86,7 @@ RECORDS = {
 def test_intersector(benchmark: Any, kind: Kind) -> None:
     origins, directions = lines(100_000)
     record = np.array(RECORDS[kind], np.float64)
-    _, t, _ = benchmark(meet, kind, record, (0.0, 0.0, 0.0), 1e-9, origins, directions)
+    t = benchmark(meet, kind, record, (0.0, 0.0, 0.0), 1e-9, origins, directions)[1]
     assert 0 < np.isfinite(t).sum() < len(t)
 
 
@@ -122,7 +122,7 @@ def test_hierarchy(benchmark: Any, tmp_path: Path) -> None:
 def test_sort(benchmark: Any, tmp_path: Path, loads: int) -> None:
     count, room = 1 << 40, 1_000_000 // loads
     stream = SimpleNamespace(number=0, count=count, expected_bytes=lambda: {"geometry": count})
-    groups: Any = [SimpleNamespace(lazy=True, group=SimpleNamespace(streams=[stream]))]
+    groups: Any = [SimpleNamespace(lazy=True, streams=[stream])]
     hits = np.zeros(loads * room, HIT)
     hits["id"] = np.random.default_rng(5).integers(0, count, len(hits))
 

@@ -114,7 +114,8 @@ def test_what_stays_in_memory_is_read_once(ordered):
 
 def test_streams_are_read_by_each_query(ordered):
     scene = formed(ordered, "streamed")
-    stats = [scene.cast_rays(*rays(500)).stats for _ in range(2)]
+    # Of several threads one may find a hit a moment earlier, which spares another nodes.
+    stats = [scene.cast_rays(*rays(500), threads=1).stats for _ in range(2)]
     one, two = (each.total for each in stats)
     assert one.treelets_read == two.treelets_read > 0
     assert one.passes == two.passes > 0
