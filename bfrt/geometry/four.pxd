@@ -1,7 +1,7 @@
 """Four records side by side: which of them a ray may meet.
 
 Those left out are missed by the same arithmetic, to the last bit, as one record is tested with
-(triangle.pxd, sphere.pxd); the others are tested one by one. Where the processor lacks the vectors,
+(triangle.pxd, sphere.pxd, cone.pxd); the others are tested one by one. Where the processor lacks the vectors,
 or records are float64, none is left out here.
 """
 
@@ -9,7 +9,7 @@ from libc.stdint cimport int32_t
 
 from bfrt.geometry.outline cimport Shear
 from bfrt.geometry.vector cimport Line, dot
-from bfrt.records cimport PATCH, SPHERE, TRIANGLE
+from bfrt.records cimport CONE, PATCH, SPHERE, TRIANGLE
 
 cdef extern from *:
     """
@@ -94,23 +94,80 @@ cdef extern from *:
         return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(room, _mm256_setzero_pd(), _CMP_GE_OQ))
             & ((1u << n) - 1);
     }
+
+    __attribute__((target("avx2")))
+    static unsigned bfrt_four_cones(const unsigned char *records, size_t stride, int n,
+                                    const bfrt_four_ray *ray)
+    {
+        __m128 part[8];
+        for (int i = 0; i < 4; i++) {
+            part[i] = _mm_loadu_ps((const float *)BFRT_FOUR(i));
+            part[4 + i] = _mm_loadu_ps((const float *)BFRT_FOUR(i) + 4);
+        }
+        _MM_TRANSPOSE4_PS(part[0], part[1], part[2], part[3]);
+        _MM_TRANSPOSE4_PS(part[4], part[5], part[6], part[7]);
+        __m256d sign = _mm256_set1_pd(-0.0), zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1.0);
+        __m256d axis[3], co[3], d[3], middle[3], p[3], v[3], turned[3], moment[3];
+        for (int k = 0; k < 3; k++) {
+            __m256d base = _mm256_cvtps_pd(part[k]);
+            d[k] = _mm256_broadcast_sd(&ray->d[k]);
+            axis[k] = _mm256_sub_pd(_mm256_cvtps_pd(part[4 + k]), base);
+            co[k] = _mm256_sub_pd(_mm256_broadcast_sd(&ray->o[k]), base);
+            middle[k] = _mm256_sub_pd(_mm256_mul_pd(axis[k], _mm256_set1_pd(0.5)), co[k]);
+        }
+        __m256d length2 = BFRT_DOT(axis, axis);
+        __m256d rb = _mm256_andnot_pd(sign, _mm256_cvtps_pd(part[3]));
+        __m256d wider = _mm256_sub_pd(_mm256_andnot_pd(sign, _mm256_cvtps_pd(part[7])), rb);
+        __m256d shift = _mm256_div_pd(BFRT_DOT(middle, d), _mm256_broadcast_sd(&ray->square));
+        for (int k = 0; k < 3; k++)
+            co[k] = _mm256_add_pd(co[k], _mm256_mul_pd(d[k], shift));
+        __m256d s0 = _mm256_div_pd(BFRT_DOT(co, axis), length2);
+        __m256d ds = _mm256_div_pd(BFRT_DOT(d, axis), length2);
+        for (int k = 0; k < 3; k++) {
+            p[k] = _mm256_add_pd(co[k], _mm256_mul_pd(axis[k], _mm256_xor_pd(s0, sign)));
+            v[k] = _mm256_add_pd(d[k], _mm256_mul_pd(axis[k], _mm256_xor_pd(ds, sign)));
+        }
+        __m256d r0 = _mm256_add_pd(rb, _mm256_mul_pd(s0, wider)), dr = _mm256_mul_pd(ds, wider);
+        for (int k = 0; k < 3; k++) {
+            int y = k == 2 ? 0 : k + 1, z = k == 0 ? 2 : k - 1;
+            turned[k] = _mm256_sub_pd(_mm256_mul_pd(v[k], r0), _mm256_mul_pd(p[k], dr));
+            moment[k] = _mm256_sub_pd(_mm256_mul_pd(p[y], v[z]), _mm256_mul_pd(p[z], v[y]));
+        }
+        __m256d room = _mm256_sub_pd(BFRT_DOT(turned, turned), BFRT_DOT(moment, moment));
+        __m256d some = _mm256_cmp_pd(room, zero, _CMP_GE_OQ);
+        if (!_mm256_movemask_pd(some))
+            return 0;
+        __m256d a = _mm256_sub_pd(BFRT_DOT(v, v), _mm256_mul_pd(dr, dr));
+        __m256d b = _mm256_sub_pd(BFRT_DOT(p, v), _mm256_mul_pd(r0, dr));
+        __m256d root = _mm256_sqrt_pd(room);
+        __m256d q = _mm256_blendv_pd(_mm256_sub_pd(root, b),
+                                     _mm256_xor_pd(_mm256_add_pd(b, root), sign),
+                                     _mm256_cmp_pd(b, zero, _CMP_GE_OQ));
+        __m256d t[2] = {
+            _mm256_div_pd(q, a),
+            _mm256_div_pd(_mm256_sub_pd(BFRT_DOT(p, p), _mm256_mul_pd(r0, r0)), q),
+        };
+        __m256d between = zero;
+        for (int k = 0; k < 2; k++) {
+            __m256d s = _mm256_add_pd(s0, _mm256_mul_pd(t[k], ds));
+            between = _mm256_or_pd(between, _mm256_and_pd(
+                _mm256_cmp_pd(_mm256_add_pd(t[k], shift), zero, _CMP_GT_OQ),
+                _mm256_and_pd(_mm256_cmp_pd(s, zero, _CMP_GE_OQ),
+                              _mm256_cmp_pd(s, one, _CMP_LE_OQ))));
+        }
+        return (unsigned)_mm256_movemask_pd(_mm256_and_pd(some, between)) & ((1u << n) - 1);
+    }
     #undef BFRT_FOUR
     #undef BFRT_DOT
     #define BFRT_HAS_FOUR __builtin_cpu_supports("avx2")
     #else
     #define bfrt_four_triangles 0
     #define bfrt_four_spheres 0
+    #define bfrt_four_cones 0
     #define BFRT_HAS_FOUR 0
     #endif
 
     typedef unsigned (*bfrt_four_test)(const unsigned char *, size_t, int, const bfrt_four_ray *);
-
-    static inline bfrt_four_test bfrt_four_test_of(int triangles, int plain)
-    {
-        if (plain || !BFRT_HAS_FOUR)
-            return 0;
-        return triangles ? bfrt_four_triangles : bfrt_four_spheres;
-    }
     """
     ctypedef struct FourRay "bfrt_four_ray":
         double o[3]
@@ -123,14 +180,23 @@ cdef extern from *:
         const unsigned char* records, size_t stride, int n, const FourRay* ray
     ) noexcept nogil
 
-    FourTest four_test_of "bfrt_four_test_of"(bint triangles, bint plain) noexcept nogil
+    bint HAS_FOUR "BFRT_HAS_FOUR"
+    FourTest four_triangles "bfrt_four_triangles"
+    FourTest four_spheres "bfrt_four_spheres"
+    FourTest four_cones "bfrt_four_cones"
 
 
 cdef inline FourTest four_test(int kind, bint wide, bint plain) noexcept nogil:
     """Return the test of a kind's records, or NULL for none."""
-    if wide or not (kind == TRIANGLE or kind == PATCH or kind == SPHERE):
+    if wide or plain or not HAS_FOUR:
         return NULL
-    return four_test_of(kind != SPHERE, plain)
+    if kind == SPHERE:
+        return four_spheres
+    if kind == CONE:
+        return four_cones
+    if kind == TRIANGLE or kind == PATCH:
+        return four_triangles
+    return NULL
 
 
 cdef inline FourRay four_ray(const Line* l, const Shear* seen) noexcept nogil:
