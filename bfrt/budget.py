@@ -26,6 +26,7 @@ from bfrt.scan.deferred import DELAYS_BYTES
 from bfrt.scan.scans import READ_BUFFER, GroupScans
 from bfrt.settings import Settings
 from bfrt.store.store import Store
+from bfrt.tree.candidates import Candidates
 from bfrt.tree.forest import Forest
 from bfrt.tree.pieces import PieceReader
 from bfrt.tree.rays import RETIRED_BYTES
@@ -196,6 +197,7 @@ def tree_capacities(store: Store, settings: Settings, held: HeldFrame, left: int
     if resident:
         rays = min(rays, RESIDENT_RAYS)
     shared = shared_capacities(settings, held, left, rays, 0)
+    shared["candidates"] = Candidates.room(shared["candidates"])  # of as many bytes
     return TreeCapacities(**shared, resident=resident, kept=kept)
 
 

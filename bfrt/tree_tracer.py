@@ -169,13 +169,14 @@ class TreeTracer(Tracer):
         counters.node_tests += sum(tests)
 
     def _intersect(self, counters: Counters) -> None:
-        found, starts = self._rays.candidates()
-        treelets = len(starts) - 1
+        found, treelets, starts = self._rays.by_treelet()
 
         def meet(worker: int, first: int, last: int) -> None:
-            self._intersectors[worker].meet(self._rays, found, starts[first : last + 1])
+            self._intersectors[worker].meet(
+                self._rays, found, treelets[first:last], starts[first : last + 1]
+            )
 
-        self.workers.run(meet, treelets, largest=TREELETS_AT_ONCE)
+        self.workers.run(meet, len(treelets), largest=TREELETS_AT_ONCE)
         counters.passes += 1
         self._count(self._intersectors, counters)
 

@@ -1,8 +1,8 @@
 """Four records side by side: which of them a ray may meet.
 
 Those left out are missed by the same arithmetic, to the last bit, as one record is tested with
-(triangle.pxd, sphere.pxd, cone.pxd); the others are tested one by one. Where the processor lacks the vectors,
-or records are float64, none is left out here.
+(triangle.pxd, sphere.pxd, cone.pxd); the others are tested one by one. Where the processor lacks
+the vectors, or records are float64, none is left out here.
 """
 
 from libc.stdint cimport int32_t

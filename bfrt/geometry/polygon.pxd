@@ -119,27 +119,43 @@ cdef inline bint polygon_plane(const Polygon* s, const Line* l, const Span* span
     return t[0] > 0.0
 
 
-cdef inline Contact polygon_contact(const Polygon* s, const Line* l) noexcept nogil:
+cdef inline Contact outline_contact(const unsigned char* vertices, uint32_t count, const Frame* f,
+                                    const Shear* seen) noexcept nogil:
     """Find whether the line meets an edge, and whether the polygon owns it (outline.pxd).
 
     Few edges reach the x axis: of all others only y is worked out.
     """
-    cdef Shear seen = shear_along(l)
     cdef Contact c
     cdef Vec a, b
     cdef double side
-    cdef uint32_t i, before = s.count - 1
-    cdef double y, last = sheared(&seen, corner(s, before)).y
+    cdef uint32_t i, before = count - 1
+    cdef double y, last = sheared(seen, point(vertices, 3 * before, f)).y
     c.owned = c.on_edge = False
-    for i in range(s.count):
-        y = sheared(&seen, corner(s, i)).y
+    for i in range(count):
+        y = sheared(seen, point(vertices, 3 * i, f)).y
         if larger(last, y) >= 0.0 >= smaller(last, y):
-            a, b = sheared(&seen, corner(s, before)), sheared(&seen, corner(s, i))
+            a = sheared(seen, point(vertices, 3 * before, f))
+            b = sheared(seen, point(vertices, 3 * i, f))
             side = edge_side(a, b)
             c.owned ^= edge_crossed(a, b, side)
             c.on_edge |= edge_met(a, b, side)
         last, before = y, i
     return c
+
+
+cdef inline bint polygon_missed(const unsigned char* record, uint32_t count, const Frame* f,
+                                const Shear* seen) noexcept nogil:
+    """Tell whether a line misses a record's outline, as `polygon_hit` does."""
+    cdef Contact c
+    if count < 3:
+        return True
+    c = outline_contact(record, count, f, seen)
+    return not (c.owned or c.on_edge)
+
+
+cdef inline Contact polygon_contact(const Polygon* s, const Line* l) noexcept nogil:
+    cdef Shear seen = shear_along(l)
+    return outline_contact(s.vertices, s.count, &s.frame, &seen)
 
 
 cdef inline bint polygon_hit(const Polygon* s, const Line* l, const Span* span,

@@ -9,7 +9,7 @@ from bfrt.geometry.outline cimport Shear
 from bfrt.geometry.packet cimport BoxPacket, eight_clear, eight_end
 from bfrt.geometry.patch cimport Patch, patch_load, patch_normal
 from bfrt.geometry.polygon cimport (
-    Polygon, polygon_bounds, polygon_crossed, polygon_hit, polygon_load,
+    Polygon, polygon_bounds, polygon_crossed, polygon_hit, polygon_load, polygon_missed,
 )
 from bfrt.geometry.sphere cimport (
     Sphere, sphere_bounds, sphere_crossings, sphere_hit, sphere_load, sphere_missed, sphere_normal,
@@ -19,7 +19,7 @@ from bfrt.geometry.triangle cimport (
     triangle_load, triangle_missed, triangle_normal, triangle_place,
 )
 from bfrt.geometry.vector cimport Line, Vec, along
-from bfrt.records cimport CONE, PATCH, SPHERE, TRIANGLE
+from bfrt.records cimport CONE, PATCH, POLYGON, SPHERE, TRIANGLE
 
 cdef union AnyKind:
     Sphere sphere
@@ -66,13 +66,15 @@ cdef inline bint shape_load(int kind, const unsigned char* record, uint32_t coun
     return polygon_load(record, count, f, &s.of.polygon)
 
 
-cdef inline bint shape_missed(int kind, const unsigned char* record, const Frame* f, const Line* l,
-                              const Shear* seen) noexcept nogil:
+cdef inline bint shape_missed(int kind, const unsigned char* record, uint32_t count,
+                              const Frame* f, const Line* l, const Shear* seen) noexcept nogil:
     """Tell of most records that a ray misses that it does, before more of them is worked out."""
     if kind == TRIANGLE or kind == PATCH:
         return triangle_missed(record, f, seen)
     if kind == SPHERE:
         return sphere_missed(record, f, l)
+    if kind == POLYGON:
+        return polygon_missed(record, count, f, seen)
     return False
 
 

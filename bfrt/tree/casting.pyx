@@ -114,6 +114,7 @@ cdef class TreeCaster:
             s = &self.abreast[k].search
             s.order, s.spans, s.crossings = <void*>order, forest.top.spans, NULL
             s.node_tests = s.object_tests = 0
+            s.polygon_id = NO_HIT
 
     def occluded(self, const QueryRay[::1] rays, uint8_t[::1] hit):
         """Tell of rays, (n,) of records.QUERY_RAY, whether they hit anything: (n,) of 0 and 1."""

@@ -14,7 +14,7 @@ from libc.stdint cimport int64_t, uint32_t
 from bfrt.bits cimport lowest_bit, ones_of_eight
 from bfrt.tree.forest cimport Forest, prefetch_id, treelet_at, want
 from bfrt.tree.sight cimport Sight, prefetch_node, sight_of, sight_reach
-from bfrt.tree.top cimport Top
+from bfrt.tree.top cimport Top, leaf_before
 from bfrt.tree.walk cimport (
     Piece, Search, Waiting, meet_leaves, next_waiting, prefetch_leaves, wait_among, wait_inner,
 )
@@ -79,8 +79,7 @@ cdef inline void wait_children(const Top* top, const Node* node, unsigned int me
             prefetch_node(top.nodes + child)
             wait_among(w, base, near[c], child)
         else:
-            child = node.first + <uint32_t>(c - ones_of_eight(node.inner & below))
-            wait_among(w, base, near[c], TREELET | top.leaves[child])
+            wait_among(w, base, near[c], TREELET | top.leaves[leaf_before(node, c)])
 
 
 cdef inline void go_on_above(Forest f, Descent* d) noexcept nogil:

@@ -25,8 +25,9 @@ from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
 #: reference, its places in the order and among the leaves, a part of a node as it is made and as it
-#: stays, its stream, its state, its place among those kept, and where its rays begin.
-TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 8 + 8
+#: stays, its stream, its state, its place among those kept; its number and two places among those
+#: that have rays.
+TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 8 + (8 + 8 + 4)
 
 #: The files that treelets consist of.
 PARTS = "nodes", "geometry", "boxes", "offsets", "ids"

@@ -14,6 +14,7 @@ from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
 from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
 from bfrt.scan.given_order cimport GivenOrder, comes_first
 from bfrt.streams.atomic cimport atomic_fetch_add, atomic_load, lock, unlock
+from bfrt.tree.candidates cimport Candidates
 from bfrt.tree.descent cimport ABREAST, Descent, Source, count_tests, descend_all
 from bfrt.tree.forest cimport Forest
 from bfrt.tree.pieces cimport PieceReader
@@ -33,7 +34,6 @@ RETIRED_BYTES = RAYS_AT_ONCE * HIT_BYTES
 
 cdef enum:
     NO_TREELET = 0xFFFFFFFF
-    RAY_SHIFT = 32   # a candidate: the treelet above, the ray below
     SOON = 4    # rays of a treelet: so long before it is looked at, each is fetched
 
 # What becomes of `state`: whether a ray has a sentinel, or begins at the first treelet.
@@ -100,18 +100,16 @@ cdef class TreeRays:
     cdef object path_records
     cdef Ray[::1] rays
     cdef Path[::1] paths
-    cdef uint64_t[::1] slots
-    cdef int64_t used
-    cdef int64_t[::1] starts
+    cdef Candidates candidates
 
     def __cinit__(self, Forest forest not None, int64_t capacity, int64_t candidates):
         cdef int64_t words = capacity * RAY_WORDS
         self.forest = forest
         self.capacity = capacity
-        self.memory = self.slots = np.empty(words + candidates, np.uint64)
+        self.memory = np.empty(words + Candidates.words(candidates), np.uint64)
         self.records = self.rays = self.memory[:words].view(RAY)
         self.path_records = self.paths = np.empty(capacity, PATH)
-        self.starts = np.empty(forest.treelets + 1, np.int64)
+        self.candidates = Candidates(forest.treelets)
 
     @property
     def all(self):
@@ -121,7 +119,7 @@ cdef class TreeRays:
     @property
     def room(self):
         """Return how many candidates there is room for."""
-        return len(self.memory) - self.active * RAY_WORDS
+        return Candidates.room(len(self.memory) - self.active * RAY_WORDS)
 
     def come(self, int64_t n):
         """Count `n` rays, admitted behind the active ones, as active."""
@@ -154,8 +152,7 @@ cdef class TreeRays:
 
     def begin_pass(self):
         """Begin a pass, with no candidate."""
-        self.slots = self.memory[self.active * RAY_WORDS:]
-        self.used = 0
+        self.candidates.begin(self.memory[self.active * RAY_WORDS:])
 
     def collect(self, int64_t first, int64_t last, int each):
         """Find up to `each` candidates for every ray of a part, and its sentinel.
@@ -187,23 +184,14 @@ cdef class TreeRays:
                 if n == look.most:
                     n -= 1
                     r.state, r.voxel = ON, found[n].treelet
-                at = atomic_fetch_add(&self.used, n)
+                at = atomic_fetch_add(&self.candidates.used, n)
                 for k in range(n):
-                    self.slots[at + k] = <uint64_t>found[k].treelet << RAY_SHIFT | <uint64_t>i
+                    self.candidates.add(at + k, found[k].treelet, i)
         return look.node_tests
 
-    def candidates(self):
-        """Return the candidates of the pass, sorted by treelet, and where those of each begin."""
-        cdef uint64_t[::1] found = self.slots[:self.used]
-        cdef int64_t i, n = 0
-        np.asarray(found).sort()
-        with nogil:
-            for i in range(found.shape[0]):
-                if i == 0 or found[i] >> RAY_SHIFT != found[i - 1] >> RAY_SHIFT:
-                    self.starts[n] = i
-                    n += 1
-            self.starts[n] = found.shape[0]
-        return found, self.starts[:n + 1]
+    def by_treelet(self):
+        """Return the candidates of the pass, as `Candidates.by_treelet`."""
+        return self.candidates.by_treelet()
 
     def retire(self, int64_t first, int64_t last, Film film, const double[::1] background,
                Hit[::1] hits):
@@ -305,6 +293,7 @@ cdef class TreeIntersector:
         self.search.spans = forest.top.spans
         self.search.crossings = NULL
         self.search.node_tests = self.search.object_tests = 0
+        self.search.polygon_id = NO_HIT
         for k in range(ABREAST):
             self.abreast[k].search = self.search
 
@@ -316,14 +305,17 @@ cdef class TreeIntersector:
         for k in range(ABREAST):
             self.abreast[k].search.crossings = self.search.crossings
 
-    def meet(self, TreeRays rays, const uint64_t[::1] found, const int64_t[::1] starts):
+    def meet(self, TreeRays rays, const uint32_t[::1] found, const uint32_t[::1] treelets,
+             const int64_t[::1] starts):
         """Test rays against the treelets that they enter, one treelet after another.
 
         Parameters
         ----------
-        found : (n,) uint64
-            IN. Candidates, by treelet.
-        starts : (treelets + 1,) int64
+        found : (n,) uint32
+            IN. Rays, by treelet.
+        treelets : (some,) uint32
+            IN.
+        starts : (some + 1,) int64
             IN. Where those of each begin.
         """
         cdef Search* s = &self.search
@@ -331,13 +323,13 @@ cdef class TreeIntersector:
         cdef Ray* r
         cdef int64_t k, i, last = found.shape[0] - 1
         with nogil:
-            for k in range(starts.shape[0] - 1):
-                self.pieces.prefetch(<uint32_t>(found[starts[k]] >> RAY_SHIFT))
-            for k in range(starts.shape[0] - 1):
-                p = self.pieces.read(<uint32_t>(found[starts[k]] >> RAY_SHIFT))
+            for k in range(treelets.shape[0]):
+                self.pieces.prefetch(treelets[k])
+            for k in range(treelets.shape[0]):
+                p = self.pieces.read(treelets[k])
                 for i in range(starts[k], starts[k + 1]):
-                    prefetch_ray(&rays.rays[<uint32_t>found[min(i + SOON, last)]])
-                    s.mark = <uint32_t>found[i]
+                    prefetch_ray(&rays.rays[found[min(i + SOON, last)]])
+                    s.mark = found[i]
                     r = &rays.rays[s.mark]
                     if r.t < 0.0:  # a shadow ray that has met something already
                         continue

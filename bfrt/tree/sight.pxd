@@ -85,6 +85,8 @@ cdef extern from *:
             double from = h->o[k] + start * h->d[k], near = from - base[k], slope = h->slope[k];
             double slack = 1.001 * h->grow + 0x1p-21 * (fabs(near) + extent) + 0x1p-126
                 + 0x1p-49 * (fabs(h->o[k]) + fabs(from) + fabs(base[k]));
+            if (h->inv[k] == 0.0) /* what the ray goes there on its way through the box */
+                slack += BFRT_STILL * (4.0 * extent + 0x1p-38 * start * h->unit);
             slack *= fabs(slope);
             if ((fabs(near) + 2.0 * extent) * fabs(slope) + slack > 0x1p126) {
                 slope = near = 0.0; /* beyond float32: no side of this axis is asked */

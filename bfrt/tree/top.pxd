@@ -7,11 +7,12 @@ from pass to pass (the paper's sentinel, exactness rule 7).
 
 from libc.stdint cimport int64_t, uint32_t
 
+from bfrt.bits cimport lowest_bit, ones_of_eight
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.vector cimport Line
 from bfrt.tree.sight cimport Heading, Sight, Spans, heading_of, sight_of, sight_reach
 from bfrt.tree.walk cimport Waiting, next_waiting, wait_inner
-from bfrt.treelets.node cimport INNER, WIDE, Node
+from bfrt.treelets.node cimport Node
 
 cdef enum:
     MOST_CANDIDATES = 64  # of a ray in a pass, the sentinel included
@@ -31,6 +32,11 @@ cdef struct Top:
 cdef struct Entry:
     double t
     uint32_t treelet
+
+
+cdef inline uint32_t leaf_before(const Node* node, int c) noexcept nogil:
+    """Return which leaf child c of a node is, of leaves of one treelet each."""
+    return node.first + <uint32_t>(c - ones_of_eight(node.inner & ((1 << c) - 1)))
 
 
 cdef inline bint comes_before(const Entry* one, const Entry* other) noexcept nogil:
@@ -80,9 +86,9 @@ cdef inline int next_treelets(const Top* top, const Line* l, Look* look,
     cdef const Node* node
     cdef Entry e
     cdef float limit
-    cdef uint32_t leaf, what = 0
+    cdef uint32_t what = 0
     cdef int count = 0, c
-    cdef unsigned int met
+    cdef unsigned int met, leaves
     w.n = 0
     if top.count == 0:
         return 0
@@ -92,15 +98,15 @@ cdef inline int next_treelets(const Top* top, const Line* l, Look* look,
         look.node_tests += 1
         node = top.nodes + what
         met = top.spans(node, &sight, limit, near)
-        leaf = node.first
-        for c in range(WIDE):
-            if node.count[c] != INNER and node.count[c]:
-                if met >> c & 1 and entry_of(top, l, top.leaves[leaf], &e) and e.t <= look.reach:
-                    if not comes_before(&e, &look.first):
-                        count = keep_entry(found, count, look.most, &e)
-                        if count == look.most:
-                            limit = sight_reach(&sight, found[count - 1].t)
-                leaf += node.count[c]
+        leaves = met & ~<unsigned int>node.inner
+        while leaves:
+            c = lowest_bit(leaves)
+            leaves &= leaves - 1
+            if entry_of(top, l, top.leaves[leaf_before(node, c)], &e) and e.t <= look.reach:
+                if not comes_before(&e, &look.first):
+                    count = keep_entry(found, count, look.most, &e)
+                    if count == look.most:
+                        limit = sight_reach(&sight, found[count - 1].t)
         wait_inner(top.nodes, what, met, near, &w)
         if not next_waiting(&w, limit, &what):
             return count

@@ -10,6 +10,7 @@ from bfrt.geometry.box cimport Box, box_span
 from bfrt.geometry.coordinates cimport Frame
 from bfrt.geometry.four cimport FourRay, FourTest, four_ray
 from bfrt.geometry.outline cimport Shear, shear_along
+from bfrt.geometry.polygon cimport Polygon, polygon_load
 from bfrt.geometry.shape cimport (
     BoxHit, Shape, shape_bounds, shape_load, shape_meet, shape_missed,
 )
@@ -54,6 +55,8 @@ cdef struct Search:
     uint64_t id
     uint8_t kind    # of the ray: any hit ends a shadow ray
     uint32_t mark   # which ray, for crossings
+    Polygon polygon     # the one that was met last: to load it takes long, and rays come together
+    uint64_t polygon_id
     void* order     # a GivenOrder
     void* crossings     # a CrossingBuffer where all hits are wanted, or NULL
     int64_t node_tests
@@ -102,23 +105,44 @@ cdef inline bint enters(const Box* box, const Search* s, BoxHit* m) noexcept nog
     return box_span(box, s.heading.grow, &s.line, &m.span) and m.span.near <= s.t
 
 
+cdef inline bint load_polygon(const Piece* p, uint32_t i, Search* s, Shape* shape,
+                              BoxHit* m) noexcept nogil:
+    """Load an object of several records, if the ray may meet it."""
+    cdef uint32_t begin = (p.ends[i - 1] if i > 0 else p.begin) - p.begin
+    cdef uint32_t n = p.ends[i] - p.begin - begin
+    cdef const unsigned char* record = p.records + begin * p.stride
+    if not enters(&p.boxes[i], s, m) or shape_missed(
+        p.kind, record, n, &p.frame, &s.line, &s.seen
+    ):
+        return False
+    if s.polygon_id != p.first + i:
+        s.polygon_id = NO_HIT
+        if not polygon_load(record, n, &p.frame, &s.polygon):
+            return False
+        s.polygon_id = p.first + i
+    s.polygon.vertices = record
+    shape.kind, shape.of.polygon = p.kind, s.polygon
+    return True
+
+
+cdef inline bint load_shape(const Piece* p, uint32_t i, Search* s, Shape* shape,
+                            BoxHit* m) noexcept nogil:
+    """Load an object, if the ray enters its box before its hit so far."""
+    cdef Box box
+    if p.ends != NULL:
+        return load_polygon(p, i, s, shape, m)
+    if not shape_load(p.kind, p.records + i * p.stride, 1, &p.frame, shape):
+        return False
+    shape_bounds(shape, &box)
+    return enters(&box, s, m)
+
+
 cdef inline int meet_object(const Piece* p, uint32_t i, Search* s) except -1 nogil:
     """Test one object, and keep its hit if it is nearer, or all of its hits."""
     cdef Shape shape
     cdef BoxHit m
-    cdef Box box
-    cdef uint32_t begin = i, n = 0
-    if p.ends != NULL:
-        begin = (p.ends[i - 1] if i > 0 else p.begin) - p.begin
-        n = p.ends[i] - p.begin - begin
-        if not enters(&p.boxes[i], s, &m):
-            return 0
-    if not shape_load(p.kind, p.records + begin * p.stride, n, &p.frame, &shape):
+    if not load_shape(p, i, s, &shape, &m):
         return 0
-    if p.ends == NULL:
-        shape_bounds(&shape, &box)
-        if not enters(&box, s, &m):
-            return 0
     m.line = s.line
     if s.crossings != NULL:
         m.mark = s.mark
@@ -147,7 +171,7 @@ cdef inline int meet_leaf(const Piece* p, uint32_t first, uint32_t end, Search* 
         else:
             for i in range(i, i + n):
                 if p.ends != NULL or not shape_missed(
-                    p.kind, p.records + i * p.stride, &p.frame, &s.line, &s.seen
+                    p.kind, p.records + i * p.stride, 1, &p.frame, &s.line, &s.seen
                 ):
                     meet_object(p, i, s)
             i += 1 - n

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -53,6 +53,7 @@ PARTS = NUMBERS | st.sampled_from([0.0, 1e-300, -1e-300, 2.0**-64, 2.0**64, 5e-3
     st.sampled_from([0.0, 2.0**-30, 1.0]),
     st.sampled_from([np.inf, 1.0, 100.0, 2.0**70]),
 )
+@example(np.zeros((1, 6), np.float32), (0.0, 0.0, -1.0), (0.0, 0.0, 1.0), 0.0, np.inf)
 def test_what_a_ray_meets_is_never_left_out(plain, made, origin, direction, grow, reach):
     assume(any(direction))
     met, near = node_met(node_of(made), around(made), (origin, direction), grow, reach, plain)
