@@ -43,10 +43,14 @@ class Assumptions:
         Objects marked, rays taken through all phases, and boxes tested, a second and thread.
     tests : float
         Boxes tested a ray.
-    tree_passes, tree_passes_full : float
-        As `passes` and `passes_full`, of treelets.
+    tree_passes_full : float
+        As `passes_full`, of treelets.
+    tree_left : float
+        Part of the rays that a pass over treelets leaves to the next.
     entered : float
-        Treelets that a ray in a pass brings in, which no other ray does.
+        Treelets that a ray in a pass brings in, where there are few rays.
+    seen : float
+        Part of the treelets that are entered in a pass, where there are many.
     tree_rate : float
         Rays taken through all phases by treelets, a second and thread.
     """
@@ -65,10 +69,11 @@ class Assumptions:
     ray_rate: float = 6e5
     test_rate: float = 4e7
     tests: float = 30.0
-    tree_passes: float = 2.0
     tree_passes_full: float = 1.2
-    entered: float = 0.02
-    tree_rate: float = 4e5
+    tree_left: float = 0.06
+    entered: float = 1.0
+    seen: float = 0.5
+    tree_rate: float = 6e5
 
 
 ASSUMED = Assumptions()

@@ -44,15 +44,15 @@ class TreePlanner(Planner[TreeCapacities]):
         assert self.tree is not None
         a = ASSUMED
         whole = self.tree.bytes
-        own = [self._passes(wave) for wave in self.likely]
-        passes = round(self.bands * sum(own))
+        active = [rays for wave in self.likely for rays in self._passes(wave)]
+        passes = self.bands * len(active)
         if self.held.resident:
             read = min(1.0, self._part(self.eye)) * whole
             most = float(whole)
         else:
-            near = [self._part(wave.rays) for wave in self.likely]
-            read = self.bands * sum(n * part * whole for n, part in zip(own, near, strict=True))
-            most = self.bands * sum(own) * a.passes_off * whole
+            streamed = max(0, whole - self.held.kept)
+            read = whole - streamed + self.bands * streamed * sum(map(self._part, active))
+            most = whole - streamed + passes * a.passes_off * streamed
         shaded, most_shaded = self.shaded_bytes()
         rays = self.eye + self.others(self.likely)
         seconds = (read + shaded) / a.read_rate + rays / (a.tree_rate * self.held.threads)
@@ -65,15 +65,23 @@ class TreePlanner(Planner[TreeCapacities]):
             seconds,
         )
 
-    def _passes(self, wave: Wave) -> float:
-        """Passes over treelets; none where they stay in memory."""
+    def _passes(self, wave: Wave) -> list[float]:
+        """Estimate the rays of each pass over treelets; none where they stay in memory."""
         if self.held.resident:
-            return 0.0
-        return ASSUMED.tree_passes + ASSUMED.tree_passes_full * wave.rays / self.held.rays
+            return []
+        full = round(ASSUMED.tree_passes_full * wave.rays / self.held.rays)
+        active = [float(self.held.rays)] * full
+        left = min(wave.rays, self.held.rays) * (ASSUMED.tree_left if full else 1.0)
+        while left >= 1.0:
+            active.append(left)
+            left *= ASSUMED.tree_left
+        return active
 
     def _part(self, rays: float) -> float:
         """Estimate which part of the treelets so many rays enter in a pass."""
         assert self.tree is not None
         if not self.tree.treelets:
             return 0.0
-        return -math.expm1(-ASSUMED.entered * rays / self.tree.treelets)
+        # Rays of a band see a strip of the scene, and what its mirrors show.
+        seen = ASSUMED.seen / math.sqrt(self.bands)
+        return -seen * math.expm1(-ASSUMED.entered * rays / self.tree.treelets)
