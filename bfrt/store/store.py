@@ -52,6 +52,7 @@ from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.streams.atomic_write import refused
+from bfrt.streams.litter import restore
 
 VERSION = 5
 MADE = "made.json"
@@ -254,6 +255,8 @@ def open_store(path: str | os.PathLike[str]) -> Store:
         If it is not a store, of another version, damaged or truncated.
     """
     path = path_of("store", path)
+    if not path.exists():  # the replacement of a store may have ended half-way
+        restore(Path(os.path.realpath(path)))
     file = path / HEADER
     try:
         data = file.read_bytes()

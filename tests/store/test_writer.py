@@ -22,7 +22,7 @@ from scenes import random_objects
 import bfrt
 from bfrt.errors import DiskFullError, SceneError, SettingError, StoreError, StreamError
 from bfrt.records import Kind
-from bfrt.store import record_writer
+from bfrt.store import atomic_folder, record_writer
 from bfrt.store.model import Camera, Light, Material
 from bfrt.store.store import open_store
 from bfrt.store.writer import StoreWriter
@@ -696,6 +696,8 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
     """The system refuses the first call of a sort, then the second, and so on."""
     path = folder / "a.bfrt"
     real = getattr(owner, name)
+    if name == "rename":
+        monkeypatch.setattr(atomic_folder, "exchange", by_renames)
     for refused in itertools.count(1):
         with StoreWriter(path, order="given") as writer:
             writer.spheres(N3, 1)
@@ -723,7 +725,7 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
         if replaced:
             open_store(path).verify()
             for left in folder.glob(".*"):  # only the old store, and not in silence
-                assert left.suffix == ".old"
+                assert left.suffix == (".old" if name == "rename" else ".part")
                 assert "could not be removed" in caplog.text
                 shutil.rmtree(left)
             if next(calls) <= refused:
@@ -740,9 +742,34 @@ def open_files():
     return len(list(folder.iterdir())) if folder.exists() else 0
 
 
+def by_renames(one, other):
+    """The system cannot exchange two names."""
+    return False
+
+
+def test_an_interrupt_after_the_exchange(folder, monkeypatch):
+    path = folder / "a.bfrt"
+    StoreWriter(path, order="given").complete()
+    old = contents(path)
+    real = atomic_folder.exchange
+
+    def interrupted(one, other):
+        assert real(one, other)
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    writer = StoreWriter(path, order="given")
+    writer.spheres(N3, 1)
+    monkeypatch.setattr(atomic_folder, "exchange", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        writer.complete()
+    assert contents(path) == old
+
+
 @pytest.mark.parametrize("when", ["old away", "new in place"])
 @pytest.mark.parametrize("replaces", [True, False])
 def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
+    monkeypatch.setattr(atomic_folder, "exchange", by_renames)
     path = folder / "a.bfrt"
     if replaces:
         StoreWriter(path, order="given").complete()
@@ -752,7 +779,7 @@ def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
     def interrupted(self, target):
         result = real(self, target)
         if (when == "new in place") == (Path(target) == path) and Path(target).suffix != ".part":
-            monkeypatch.undo()
+            monkeypatch.setattr(Path, "rename", real)
             raise KeyboardInterrupt
         return result
 
