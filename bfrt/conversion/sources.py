@@ -122,5 +122,5 @@ def is_store(source: PathLike) -> bool:
         (path / HEADER).exists()
         or path.suffix == ".bfrt"
         or path.is_dir()
-        or restore(Path(os.path.realpath(path)))
+        or (not path.exists() and restore(Path(os.path.realpath(path))))
     )

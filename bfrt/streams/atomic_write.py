@@ -18,7 +18,7 @@ from pathlib import Path
 from bfrt.errors import DiskFullError, SettingError, StreamError
 from bfrt.paths import path_of
 from bfrt.streams.litter import sweep
-from bfrt.streams.ownership import Owned, create_file
+from bfrt.streams.ownership import Owned, create_file, create_folder
 
 #: What the system says when there is no room: the disk's, and the user's where there are quotas.
 DISK_FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
@@ -133,6 +133,26 @@ def _unnamed(folder: Path) -> int | None:
         if error.errno in NAMED_ONLY:
             return None
         raise
+
+
+@contextlib.contextmanager
+def temporary_folder(folder: Path, name: str) -> Iterator[Path]:
+    """Create a folder in another, for us alone, which goes when the block ends.
+
+    Parameters
+    ----------
+    name : str
+        What its name, which nobody can foretell, begins with.
+    """
+    sweep(folder)
+    try:
+        owned = create_folder(folder / name, 0o700)
+    except OSError as error:
+        raise refused(folder / name, 0, error, "creating") from error
+    try:
+        yield owned.path
+    finally:
+        owned.remove()
 
 
 def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str]) -> None:
