@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import bfrt
+from bfrt.cli.clean import add_clean
 from bfrt.cli.convert import add_convert
 from bfrt.cli.render import add_render
 from bfrt.cli.spd import add_spd
@@ -109,4 +110,5 @@ def parser() -> argparse.ArgumentParser:
     add_spd(commands)
     add_info(commands)
     add_verify(commands)
+    add_clean(commands)
     return top
