@@ -8,7 +8,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -122,7 +121,7 @@ def test_what_another_process_uses_stays_until_that_is_killed(tmp_path):
         [sys.executable, "-c", HOLDER, str(tmp_path)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        cwd=tempfile.gettempdir(),
+        cwd=tmp_path,
     )
     assert holder.stdout.readline() == b"held\n"
     assert clear(tmp_path) == []
