@@ -48,7 +48,7 @@ def clean(path: str | os.PathLike[str], *, dry_run: bool = False) -> list[Litter
     for place in _stores_in(folder):
         found += clear(place, dry=dry_run)
     for home in _homes(folder):
-        for place in (home, *sorted(home.iterdir())):
+        for place in (home, *_folders_in(home)):
             if is_private(place, FOLDER):
                 found += clear(place, dry=dry_run)
         found += _stale(home, dry_run)

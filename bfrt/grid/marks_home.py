@@ -81,15 +81,21 @@ def prepare_home(path: Path, store: Store) -> None:
         return
     for folder in (path.parent.parent, path.parent):
         make_private(folder)
-    with atomic_own_path(path.parent / PLACE, 0o600) as file:
-        file.write_bytes(os.fsencode(os.path.realpath(store.path)))
+    place = path.parent / PLACE
+    with atomic_own_path(place, 0o600) as file:
+        try:
+            file.write_bytes(os.fsencode(os.path.realpath(store.path)))
+        except OSError as error:
+            raise refused(place, 0, error, "writing") from error
 
 
 def stale(home: Path) -> Iterator[Path]:
     """Yield the folders in HOME whose store is gone, or is another one now."""
-    if not is_private(home, FOLDER):
+    try:
+        folders = sorted(home.iterdir()) if is_private(home, FOLDER) else []
+    except OSError:
         return
-    for folder in sorted(home.iterdir()):
+    for folder in folders:
         if parsed(folder.name) is None and is_private(folder, FOLDER) and not _has_store(folder):
             yield folder
 

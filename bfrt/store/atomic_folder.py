@@ -96,7 +96,7 @@ class AtomicFolder:
                 raise
             try:
                 for replaced in (self.aside, self.old):
-                    if replaced.exists():
+                    if os.path.lexists(replaced):
                         shutil.rmtree(replaced)
             except OSError as error:
                 log.warning(
@@ -119,7 +119,8 @@ class AtomicFolder:
             yield
         finally:
             if descriptor >= 0:
-                os.close(descriptor)
+                with contextlib.suppress(OSError):
+                    os.close(descriptor)
 
     def _put(self) -> None:
         """Take the name, also where others do so at the same time: the last one has it."""
@@ -141,18 +142,18 @@ class AtomicFolder:
         """Undo the renames that were done, as far as the system lets us."""
         with contextlib.suppress(OSError):
             if self.own.is_at(self.target):
-                if self.aside.exists():
+                if os.path.lexists(self.aside):
                     exchange(self.aside, self.target)
                 else:
                     self.target.rename(self.aside)
-            if self.old.exists() and not os.path.lexists(self.target):
+            if os.path.lexists(self.old) and not os.path.lexists(self.target):
                 self.old.rename(self.target)
 
     def abandon(self) -> None:
         """Remove what was written aside; where none has the name, both halves are kept for it."""
         if self._own is None:
             return
-        if self.old.exists() and not os.path.lexists(self.target):
+        if os.path.lexists(self.old) and not os.path.lexists(self.target):
             self._own.release()
         else:
             shutil.rmtree(self.old, ignore_errors=True)

@@ -255,11 +255,9 @@ def open_store(path: str | os.PathLike[str]) -> Store:
         If it is not a store, of another version, damaged or truncated.
     """
     path = path_of("store", path)
-    if not path.exists():  # the replacement of a store may have ended half-way
-        restore(Path(os.path.realpath(path)))
     file = path / HEADER
     try:
-        data = file.read_bytes()
+        data = _data_of(file)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         raise StoreError(f"{path}: not a scene store: expected a directory with {HEADER}") from None
     except OSError as error:
@@ -269,6 +267,16 @@ def open_store(path: str | os.PathLike[str]) -> Store:
         _check_sizes(stream)
     check_size(path / PALETTE, store.palette.bytes)
     return store
+
+
+def _data_of(file: Path) -> bytes:
+    """Return a header's text, also where the replacement of its store has ended half-way."""
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        if not restore(Path(os.path.realpath(file.parent))):
+            raise
+    return file.read_bytes()
 
 
 def has_magic(path: Path) -> bool:

@@ -116,8 +116,10 @@ def nameless(folder: Path, path: Path) -> io.FileIO:
         descriptor = _unnamed(folder)
         if descriptor is None:
             owned = create_file(folder / "spool", 0o600)
-            descriptor = os.dup(owned.descriptor)
-            owned.remove()
+            try:
+                descriptor = os.dup(owned.descriptor)
+            finally:
+                owned.remove()
         return io.FileIO(descriptor, "r+")
     except OSError as error:
         raise refused(path, 0, error, "creating") from error

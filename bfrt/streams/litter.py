@@ -148,13 +148,13 @@ def claimed(path: Path) -> Iterator[bool]:
         yield False
         return
     try:
-        yield (
-            _is_ours(descriptor, name)
-            and lock(descriptor) is True
-            and (still_named(descriptor, path))
-        )
+        ours = False
+        with contextlib.suppress(OSError):
+            ours = _is_ours(descriptor, name) and lock(descriptor) is True
+        yield ours and still_named(descriptor, path)
     finally:
-        os.close(descriptor)
+        with contextlib.suppress(OSError):
+            os.close(descriptor)
 
 
 def _is_ours(descriptor: int, name: TemporaryName | None) -> bool:

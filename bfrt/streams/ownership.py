@@ -14,6 +14,7 @@ the name is gone, or is another's, and tries again.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import re
@@ -127,7 +128,8 @@ class Owned:
             _MADE.pop(self.path, None)
         descriptor, self.descriptor = self.descriptor, -1
         if descriptor >= 0:
-            os.close(descriptor)
+            with contextlib.suppress(OSError):  # nothing was written by it that is not synced
+                os.close(descriptor)
 
     def __del__(self) -> None:
         self.release()

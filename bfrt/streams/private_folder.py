@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 from pathlib import Path
@@ -70,8 +71,11 @@ def is_private(path: Path, kind: str) -> bool:
         return False
     try:
         found = os.fstat(descriptor)
+    except OSError:
+        return False
     finally:
-        os.close(descriptor)
+        with contextlib.suppress(OSError):
+            os.close(descriptor)
     sort = stat.S_ISDIR if kind == FOLDER else stat.S_ISREG
     owned = found.st_uid == user() and not found.st_mode & OTHERS
     return sort(found.st_mode) and (owned or os.name == "nt")

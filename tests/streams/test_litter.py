@@ -299,6 +299,18 @@ def test_litter_that_stays_never_fails_a_run(tmp_path, monkeypatch, caplog):
     sweep(tmp_path / "none")
 
 
+@pytest.mark.parametrize(("owner", "name"), [(os, "fstat"), (os, "open"), (fcntl, "flock")])
+def test_what_cannot_be_looked_at_is_no_litter(tmp_path, monkeypatch, owner, name):
+    def refuse(*_, **__):
+        raise OSError(errno.EIO, "no")
+
+    path = left(tmp_path, kind=FOLDER)
+    monkeypatch.setattr(owner, name, refuse)
+    assert clear(tmp_path) == []
+    monkeypatch.undo()
+    assert path.is_dir()
+
+
 def test_an_interrupt_upon_an_interrupt_is_for_the_end(tmp_path, monkeypatch):
     """Clearing up is interrupted too: the end of the process does it."""
 
