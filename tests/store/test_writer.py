@@ -872,6 +872,47 @@ def test_a_killed_writer_leaves_nothing_that_opens(tmp_path, after):
     assert open_store(path).objects == 4
 
 
+KILLED_BETWEEN = """
+import os, signal, sys
+from pathlib import Path
+import numpy as np
+from bfrt import SceneWriter
+from bfrt.store import atomic_folder
+
+def killed(path, target, rename=Path.rename):
+    rename(path, target)
+    if Path(target).suffix == ".old":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+Path.rename = killed
+atomic_folder.exchange = lambda one, other: False
+with SceneWriter(sys.argv[1]) as writer:
+    writer.spheres(np.eye(3, dtype=np.float32), 1)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_writer_that_is_killed_between_the_renames(tmp_path, lost):
+    """Who opens the store finds the new one; or the old one, if the disk has lost the new."""
+    path = tmp_path / "a.bfrt"
+    with StoreWriter(path) as writer:
+        writer.spheres(N3, 1)
+    source = str(Path(bfrt.__file__).parents[1])
+    command = [sys.executable, "-c", KILLED_BETWEEN, str(path)]
+    environment = {**os.environ, "PYTHONPATH": source}
+    done = subprocess.run(command, env=environment, cwd=tmp_path, check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert not path.exists()
+    (new,) = tmp_path.glob(".*.part")
+    if lost:
+        (new / "scene.json").write_bytes(b"")
+    assert open_store(path).objects == (4 if lost else 3)
+    bfrt.clean(tmp_path)
+    assert [each.name for each in tmp_path.iterdir()] == ["a.bfrt"]
+    open_store(path).verify()
+
+
 #: The first of two elements has no value.
 MASKED = np.ma.masked_equal([7, 1], 7)
 

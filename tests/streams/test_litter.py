@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import shutil
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 from bfrt.errors import StreamError
 from bfrt.paths import HEADER, MAGIC
 from bfrt.streams import atomic_write, litter, ownership
-from bfrt.streams.atomic_write import atomic_path, nameless
+from bfrt.streams.atomic_write import atomic_path, nameless, temporary_folder
 from bfrt.streams.litter import claimed, clear, restore, sweep
 from bfrt.streams.ownership import (
     FILE,
@@ -297,6 +298,29 @@ def test_litter_that_stays_never_fails_a_run(tmp_path, monkeypatch, caplog):
     with atomic_path(tmp_path / "b"):
         pass
     sweep(tmp_path / "none")
+
+
+@pytest.mark.parametrize("create", [create_file, create_folder])
+def test_a_link_that_foretells_a_name_is_not_followed(tmp_path, monkeypatch, create):
+    (tmp_path / "mine").mkdir()
+    numbers = iter(["0" * 16, "1" * 16])
+    monkeypatch.setattr(ownership.secrets, "token_hex", lambda _: next(numbers))
+    kind = FILE if create is create_file else FOLDER
+    link = tmp_path / str(TemporaryName("a", "0" * 16, kind))
+    link.symlink_to(tmp_path / "mine" / "made" if kind == FILE else tmp_path / "mine")
+    owned = create(tmp_path / "a")
+    assert owned.path.name == str(TemporaryName("a", "1" * 16, kind))
+    owned.remove()
+    litter.remove_own()
+    assert link.is_symlink() and names(tmp_path / "mine") == []
+
+
+def test_a_folder_for_us_alone(tmp_path):
+    with temporary_folder(tmp_path, "scene") as folder:
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+        assert clear(tmp_path) == []
+        (folder / "a").write_bytes(b"a")
+    assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize(("owner", "name"), [(os, "fstat"), (os, "open"), (fcntl, "flock")])
