@@ -94,13 +94,13 @@ def wait_until_it_listens(command):
 
 
 def contents(path):
-    """What a store or a file holds, but for what was measured."""
+    """What a store or a file holds, but for what was measured, and what is temporary."""
     if path.is_file():
         return path.read_bytes()
     return {
         str(file.relative_to(path)): file.read_bytes()
         for file in path.rglob("*")
-        if file.is_file() and file.name not in ("made.json", "marks")
+        if file.is_file() and file.name not in ("made.json", "marks") and not parsed(file.name)
     }
 
 
