@@ -32,8 +32,10 @@ ENDINGS = {
 
 SMALL = ("--resolution", "150", "150", "--threads", "2", "--quiet", "--memory")
 
-#: Commands, in a folder that has `points.npy` and `rings.bfrt`; what each makes; and what of it the
-#: folder has before.
+#: With little memory rays and hits are spooled.
+SPOOLED = ("--refine", "sgb", "--fresh-marks")
+
+#: Commands, in a folder that has `points.npy` and `rings.bfrt`; and what each makes.
 COMMANDS = {
     "convert": (
         ("convert", "points.npy", "-o", "new.bfrt", "--radius", "1", "--order", "given", "--quiet"),
@@ -49,7 +51,7 @@ COMMANDS = {
         "new.bfrt",
     ),
     "render": (
-        ("render", "rings.bfrt", "-o", "x.png", "--refine", "sgb", "--fresh-marks", *SMALL, "70MiB"),
+        ("render", "rings.bfrt", "-o", "x.png", *SPOOLED, *SMALL, "70MiB"),
         "x.png",
     ),
     "render of a file": (("render", "spd:rings:12", "-o", "x.png", *SMALL, "128MiB"), "x.png"),
