@@ -6,9 +6,8 @@ import sys
 
 try:
     from bfrt.process import (
-        INTERRUPTED,
-        INTERRUPTION,
         Interrupts,
+        ending_of,
         flush_streams,
         open_missing_streams,
         say,
@@ -32,10 +31,10 @@ def run() -> int:
         except SystemExit as asked:  # of the parser
             status = int(asked.code or 0)
         interrupts.end()
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         interrupts.end()
-        say(INTERRUPTION)
-        status = INTERRUPTED
+        said, status = ending_of(error)
+        say(f"bfrt: {said}")
     flush_streams()
     return status
 

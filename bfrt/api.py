@@ -1,6 +1,7 @@
 """All that ``bfrt`` offers, under one name; `bfrt` itself imports it when it is first used."""
 
 from bfrt import spd
+from bfrt.cleaning import clean
 from bfrt.conversion.convert import convert
 from bfrt.errors import (
     BfrtError,
@@ -31,6 +32,7 @@ from bfrt.scene import (
 from bfrt.scene import open_scene as open
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
+from bfrt.streams.litter import Litter
 
 __all__ = [
     "Answer",
@@ -42,6 +44,7 @@ __all__ = [
     "Hierarchy",
     "Image",
     "Light",
+    "Litter",
     "Material",
     "Plan",
     "Progress",
@@ -53,6 +56,7 @@ __all__ = [
     "StoreError",
     "StreamError",
     "cast_rays",
+    "clean",
     "convert",
     "count_intersections",
     "framing_camera",

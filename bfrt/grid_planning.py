@@ -9,7 +9,8 @@ import numpy as np
 
 from bfrt.budget import GridCapacities
 from bfrt.grid.bricks import BRICK_BYTES
-from bfrt.grid.marks import marks_path, open_marks
+from bfrt.grid.marks import open_marks
+from bfrt.grid.marks_home import marks_path
 from bfrt.grid.partition import partition_of, subspaces
 from bfrt.grid.slabs import Slabs, cuts_of
 from bfrt.phases.preprocess import grid_of, layout_of
@@ -24,7 +25,7 @@ def _grid_plan(store: Store, group: Group, held: GridCapacities, settings: Setti
     cut = partition_of(group, held.limits)
     layered = grid_of(store, group, cut.shape, cut.axis).layered
     layout = layout_of(group, cut, settings.refinement.hierarchy)
-    path = marks_path(store, group, settings.scratch_beside(store.path))
+    path = marks_path(store, group, settings.scratch)
     marks = None if settings.fresh_marks else open_marks(path, store, layout)
     if marks is None:
         layers, *rest = layout.bricks

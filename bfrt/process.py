@@ -1,4 +1,4 @@
-"""The process that is a command: its standard streams, and how an interrupt reaches it."""
+"""The process that is a command: its standard streams, and how a signal to end reaches it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,15 @@ if TYPE_CHECKING:
     from types import FrameType
     from typing import TextIO
 
-INTERRUPTED = 130
-INTERRUPTION = "bfrt: interrupted"
+#: The signals that end a command, and what it says then; its exit status is 128 more.
+ENDINGS = {
+    getattr(signal, name): said
+    for name, said in (("SIGINT", "interrupted"), ("SIGTERM", "terminated"), ("SIGHUP", "hung up"))
+    if hasattr(signal, name)
+}
+
+#: Modules in which nothing is left to do but to end, once a signal has been raised.
+ENDING = ("__main__", "bfrt.__main__", "bfrt.cli.command", "bfrt.process")
 
 #: Seconds in which a further interrupt says nothing new, and would only disturb the clearing up.
 IMPATIENCE = 1.0
@@ -30,13 +37,33 @@ IMPORTING = "<frozen importlib"
 BETWEEN = ("__enter__", "__exit__")
 
 
+class Ended(KeyboardInterrupt):
+    """Reports a signal that ends the command as an interrupt does.
+
+    Attributes
+    ----------
+    number : int
+        The signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def ending_of(error: KeyboardInterrupt) -> tuple[str, int]:
+    """Return what a command says that a signal has ended, and its exit status."""
+    number = error.number if isinstance(error, Ended) else signal.SIGINT
+    return ENDINGS[number], 128 + number
+
+
 class Interrupts:
-    """Raises KeyboardInterrupt for SIGINT, where it is heard.
+    """Raises KeyboardInterrupt for SIGINT, SIGTERM and SIGHUP, where it is heard.
 
     A module that Cython made has a bare ``except`` around what it registers while it is imported,
     which swallows an interrupt without a word; finalisers swallow it with many words. An interrupt
     that comes there is raised a moment later. Until the command has begun it ends the process at
-    once, since there is nothing to clear up.
+    once, since there is nothing to clear up. The first signal says how the command ends.
 
     Attributes
     ----------
@@ -47,46 +74,61 @@ class Interrupts:
     def __init__(self) -> None:
         self.begun = False
         self._raised = -math.inf
+        self._first: int | None = None
+        self._heard: list[int] = []
 
     def listen(self) -> None:
-        """Take interrupts from here on, unless the process was started to ignore them."""
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        """Take signals from here on, but those that the process was started to ignore."""
+        for number in ENDINGS:
+            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+                self._heard.append(number)
+        if self._heard:
             signal.signal(signal.SIGALRM, self.take)
-            signal.signal(signal.SIGINT, self.take)
             sys.unraisablehook = self.take_unraisable
+        for number in self._heard:
+            signal.signal(number, self.take)
 
     def take(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal: SIGINT, or the alarm by which it comes again.
+        """Handle a signal: one that ends the command, or the alarm by which it comes again.
 
         Raises
         ------
-        KeyboardInterrupt
-            Unless nobody would hear it, or it follows another at once.
+        Ended
+            Unless nobody would hear it, it follows another at once, or the command ends already.
         """
+        first = self._first = self._first or number
         if not self.begun:
             with contextlib.suppress(OSError):
-                os.write(2, f"{INTERRUPTION}\n".encode())
-            os._exit(INTERRUPTED)
+                os.write(2, f"bfrt: {ENDINGS[first]}\n".encode())
+            os._exit(128 + first)
         if time.monotonic() - self._raised < IMPATIENCE:
             return
         if unheard(frame):
             signal.setitimer(signal.ITIMER_REAL, AGAIN)
             return
+        if self._raised > -math.inf and frame is not None and module_of(frame) in ENDING:
+            return
         self._raised = time.monotonic()
-        raise KeyboardInterrupt
+        raise Ended(first)
 
     def take_unraisable(self, swallowed: sys.UnraisableHookArgs) -> None:
         """Have an interrupt come again which a finaliser swallowed; show other errors."""
         if issubclass(swallowed.exc_type, KeyboardInterrupt):
+            self._first = self._first or signal.SIGINT
             self._raised = -math.inf
             signal.setitimer(signal.ITIMER_REAL, AGAIN)
         else:
             sys.__unraisablehook__(swallowed)
 
     def end(self) -> None:
-        """Ignore interrupts from here on: all that is left is to exit."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+        """Ignore signals from here on: all that is left is to exit."""
+        for number in (*self._heard, signal.SIGALRM):
+            signal.signal(number, signal.SIG_IGN)
+
+
+def module_of(frame: FrameType) -> str:
+    """Return the name of the module whose code a frame runs."""
+    return str(frame.f_globals.get("__name__"))
 
 
 def unheard(frame: FrameType | None) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from bfrt.grid.marks import Marks, marks_path, open_marks, writing_marks
+from bfrt.grid.marks import Marks, open_marks, writing_marks
+from bfrt.grid.marks_home import marks_path
 from bfrt.grid.partition import Limits, partition_of
 from bfrt.grid.selection import Selection
 from bfrt.grid.slabs import Slabs
@@ -66,7 +67,7 @@ class TracedGroup:
         self._selection = Selection(scans, workers.threads, hierarchy)
         self._cut = partition_of(group, limits)
         self._layout = layout_of(group, self._cut, hierarchy)
-        self._marks_path = marks_path(store, group, settings.scratch_beside(store.path))
+        self._marks_path = marks_path(store, group, settings.scratch)
         self._grid = grid_of(store, group, self._cut.shape, self._cut.axis)
         self._outliers = Outliers(store, group, scans.order)
         self._slabs: Slabs | None = None

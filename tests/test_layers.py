@@ -32,7 +32,7 @@ LAYERS = [
     {"grid_planning", "tree_planning"},
     {"planning"},
     {"queries"},
-    {"scene"},
+    {"scene", "cleaning"},
     {"spd"},
     {"conversion"},
     {"api"},

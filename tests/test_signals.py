@@ -1,4 +1,4 @@
-"""An interrupt ends the command whenever it comes: in one sentence, with status 130."""
+"""A signal to end ends the command whenever it comes: in one sentence, with its status."""
 
 import io
 import os
@@ -76,8 +76,21 @@ def started(folder, *arguments, at_start="", how=MODULE):
         cwd=folder / "work",
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         # Where the tests run in a shell's background interrupts are ignored, by children too.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=hear_all,
     )
+
+
+def hear_all():
+    for number in ENDINGS:
+        signal.signal(number, signal.SIG_DFL)
+
+
+#: The signals, what the command says, and its exit status.
+ENDINGS = {
+    signal.SIGINT: ("bfrt: interrupted\n", 130),
+    signal.SIGTERM: ("bfrt: terminated\n", 143),
+    signal.SIGHUP: ("bfrt: hung up\n", 129),
+}
 
 
 def ended(process):
@@ -124,31 +137,77 @@ def test_an_interrupt_when_all_is_done_is_too_late(tmp_path):
     assert ended(command) == (0, "")
 
 
-def test_interrupts_upon_interrupts_leave_no_traceback(tmp_path):
-    command = started(tmp_path, *LONG)
+def begun(folder):
+    """Wait until the command has begun to write."""
     deadline = time.monotonic() + 30
-    while not list((tmp_path / "work").iterdir()):  # it has begun
+    while not list((folder / "work").iterdir()):
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+@pytest.mark.parametrize("number", ENDINGS)
+def test_signals_upon_signals_leave_no_traceback(tmp_path, number):
+    command = started(tmp_path, *LONG)
+    begun(tmp_path)
     while command.poll() is None:
-        command.send_signal(signal.SIGINT)
+        command.send_signal(number)
         time.sleep(0.005)
-    assert ended(command) == (130, "bfrt: interrupted\n")
+    said, status = ENDINGS[number]
+    assert ended(command) == (status, said)
     assert list((tmp_path / "work").iterdir()) == []
 
 
-def test_an_interrupt_that_shall_be_ignored_is(tmp_path):
-    """As of a command in a shell's background."""
-    at_start = WHEN_IMPORTED.format(name="numpy")
-    ignored = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_other_signals_end_as_an_interrupt_does(tmp_path, number):
+    command = started(tmp_path, *LONG)
+    begun(tmp_path)
+    start = time.perf_counter()
+    command.send_signal(number)
+    said, status = ENDINGS[number]
+    assert ended(command) == (status, said)
+    assert time.perf_counter() - start < 1.5  # a second, and what a busy machine adds
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("name", ["bfrt.cli", "numpy"])
+def test_other_signals_while_a_module_is_imported(tmp_path, number, name):
+    at_start = WHEN_IMPORTED.format(name=name).replace("SIGINT", signal.Signals(number).name)
+    said, status = ENDINGS[number]
+    assert ended(started(tmp_path, *LONG, at_start=at_start)) == (status, said)
+
+
+@pytest.mark.parametrize("number", ENDINGS)
+def test_a_signal_that_shall_be_ignored_is(tmp_path, number):
+    """As SIGHUP is by nohup."""
+    ignored = f"import signal\nsignal.signal({int(number)}, signal.SIG_IGN)\n"
+    at_start = WHEN_IMPORTED.format(name="numpy").replace("SIGINT", signal.Signals(number).name)
     command = started(tmp_path, "spd", "tetra", "1", "--nff", "o.nff", at_start=ignored + at_start)
     assert ended(command) == (0, "")
+
+
+def test_the_first_signal_says_how_it_ends(interrupts, monkeypatch):
+    monkeypatch.setattr(process, "IMPATIENCE", 0)
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        with pytest.raises(KeyboardInterrupt) as caught:
+            os.kill(os.getpid(), number)
+        assert process.ending_of(caught.value) == ("terminated", 143)
+
+
+def test_a_signal_when_the_command_is_ending_is_passed_over(interrupts, monkeypatch):
+    monkeypatch.setattr(process, "IMPATIENCE", 0)
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+    namespace = {"__name__": "bfrt.cli.command", "os": os, "signal": signal}
+    exec("os.kill(os.getpid(), signal.SIGINT)", namespace)
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
 
 
 @pytest.fixture
 def interrupts():
     """Interrupts of this process, which go to the command's handler."""
-    kept = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGALRM)]
+    kept = [(number, signal.getsignal(number)) for number in (*process.ENDINGS, signal.SIGALRM)]
     hook = sys.unraisablehook
     made = Interrupts()
     made.begun = True

@@ -2,13 +2,13 @@
 
 ::
 
-    command ─► convert, render, spd, store     each with its options and what it does
+    command ─► convert, render, spd, store, clean     each with its options and what it does
                      │
                      ▼
                options, view, bars             what commands have in common
 
-Exit status: 0 for success, 1 for bad input, 2 for wrong use or a refused budget, 130 for an
-interrupt, 141 where nobody reads what is printed.
+Exit status: 0 for success, 1 for bad input, 2 for wrong use or a refused budget, 129, 130 and 143
+for SIGHUP, an interrupt and SIGTERM, 141 where nobody reads what is printed.
 """
 
 from bfrt.cli.command import main, parser

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import bfrt
+from bfrt.cli.clean import add_clean
 from bfrt.cli.convert import add_convert
 from bfrt.cli.render import add_render
 from bfrt.cli.spd import add_spd
 from bfrt.cli.store import add_info, add_verify
 from bfrt.errors import BfrtError, BudgetError, SettingError, StreamError
-from bfrt.process import INTERRUPTED, say, silence
+from bfrt.process import ending_of, say, silence
 
 BAD_INPUT = 1
 WRONG_USE = 2
@@ -34,8 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return fail(error, WRONG_USE)
     except (BfrtError, OSError) as error:
         return fail(error, BAD_INPUT)
-    except KeyboardInterrupt:
-        return fail("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as error:
+        return fail(*ending_of(error))
     return 0
 
 
@@ -109,4 +110,5 @@ def parser() -> argparse.ArgumentParser:
     add_spd(commands)
     add_info(commands)
     add_verify(commands)
+    add_clean(commands)
     return top

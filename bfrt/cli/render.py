@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +21,7 @@ from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
 from bfrt.scene import Scene, open_scene
 from bfrt.settings import REFINEMENTS, scratch_folder
-from bfrt.streams.atomic_write import atomic_path
+from bfrt.streams.atomic_write import atomic_path, temporary_folder
 from bfrt.view import aovs_of
 
 
@@ -154,9 +152,6 @@ def opened(options: argparse.Namespace) -> Iterator[Scene]:
         yield open_scene(options.input)
         return
     folder = scratch_folder(options.scratch, Path(options.output[0]))
-    temporary = Path(tempfile.mkdtemp(prefix="bfrt-", dir=folder))
-    try:
-        name = Path(options.input.replace(":", "-")).stem or "scene"
+    name = Path(options.input.replace(":", "-")).stem or "scene"
+    with temporary_folder(folder, name) as temporary:
         yield convert_input(options, temporary / f"{name}.bfrt", durable=False)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)

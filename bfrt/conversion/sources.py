@@ -22,6 +22,7 @@ from bfrt.paths import HEADER, path_of
 from bfrt.scene import PathLike
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
+from bfrt.streams.litter import restore
 
 Reader = Callable[[str, SceneSink, Reading, Report | None], None]
 
@@ -117,4 +118,9 @@ def parse_spd(name: str, hash: str | None = None) -> SpdScene:
 def is_store(source: PathLike) -> bool:
     """Tell whether a path is a scene store, or has the name of one."""
     path = path_of("source", source)
-    return (path / HEADER).exists() or path.suffix == ".bfrt" or path.is_dir()
+    return (
+        (path / HEADER).exists()
+        or path.suffix == ".bfrt"
+        or path.is_dir()
+        or (not path.exists() and restore(Path(os.path.realpath(path))))
+    )

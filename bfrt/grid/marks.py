@@ -26,6 +26,7 @@ its marks, bit 6 is set where its cube of 4 voxels a side has none.
 
 from __future__ import annotations
 
+import errno
 import io
 import math
 import os
@@ -42,8 +43,10 @@ from numpy.typing import NDArray
 from bfrt.errors import ShortReadError, StoreError, StreamError
 from bfrt.grid._coding import MOST_CODED, decode, encode
 from bfrt.grid.bricks import BRICK, BRICK_BYTES
+from bfrt.grid.marks_home import is_believed, is_inside, prepare_home
 from bfrt.store.store import Group, Store
-from bfrt.streams.atomic_write import atomic_path, put, refused
+from bfrt.streams.atomic_write import atomic_own_path, put, refused
+from bfrt.streams.ownership import is_named
 from bfrt.streams.reader import Reader, SharedFile
 
 MAGIC = b"bfrtmark"
@@ -126,7 +129,7 @@ class Marks:
         occupied: Bytes,
         crcs: NDArray[np.uint32],
         sizes: NDArray[np.int64],
-        file: Path | None = None,
+        file: SharedFile,
     ) -> None:
         self.path = path
         self.layout = layout
@@ -137,7 +140,7 @@ class Marks:
         self.at[1:] += np.cumsum(sizes)
         self._crcs = crcs
         self._checked = np.zeros(len(crcs), np.bool_)
-        self._file = SharedFile(file or path)
+        self._file = file
 
     def read(self, number: int, bricks: Bytes) -> None:
         """Read the bricks (n, 512) that are kept of a layer; threads may read at once.
@@ -161,14 +164,6 @@ class Marks:
 
     def close(self) -> None:
         del self._file
-
-
-def marks_path(store: Store, group: Group, scratch: Path) -> Path:
-    """Return the path of a group's marks: in the store, or in `scratch` if that is read-only."""
-    home = store.path / str(group.number)
-    if os.access(home if home.is_dir() else store.path, os.W_OK):
-        return home / "marks"
-    return scratch / f"{store.path.name}-{store.checksum:08x}-{group.number}.marks"
 
 
 class MarksWriter:
@@ -206,7 +201,9 @@ class MarksWriter:
 @contextmanager
 def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWriter]:
     """Yield a writer of marks, whose file takes its name when all layers are written."""
-    with atomic_path(path) as temporary, temporary.open("wb", buffering=0) as file:
+    prepare_home(path, store)
+    mode = 0o666 if is_inside(path, store) else 0o600
+    with atomic_own_path(path, mode) as temporary, temporary.open("wb", buffering=0) as file:
         writer = MarksWriter(file, path, layout)
         yield writer
         kept = int(writer.occupied.sum())
@@ -218,32 +215,37 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
         )  # fmt: skip
         file.seek(0)
         put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
-        writer.marks = Marks(path, layout, writer.occupied, writer.crcs, writer.sizes, temporary)
+        made = writer.occupied, writer.crcs, writer.sizes
+        writer.marks = Marks(path, layout, *made, SharedFile(temporary))
 
 
 def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
-    """Open the marks of this layout; None where there are none.
+    """Open the marks of this layout; None where there are none that are believed.
 
     Raises
     ------
     StoreError
         If they are there but damaged, as far as the tables and the size show.
     """
-    found = _read_tables(path, verified=False)
+    file = _opened(path, store)
+    if file is None:
+        return None
+    found = _read_tables(path, file, verified=False)
     if found is None or found[:2] != (layout, store.checksum):
         return None
-    return Marks(path, layout, *found[2:])
+    return Marks(path, layout, *found[2:], file)
 
 
 def verify_marks(store: Store, group: Group) -> None:
     """Check the marks in the store, if there are any."""
     path = store.path / str(group.number) / "marks"
-    found = _read_tables(path, verified=True)
-    if found is None:
+    file = _opened(path, store)
+    if file is None:
         return
-    if found[1] != store.checksum:
+    found = _read_tables(path, file, verified=True)
+    if found is None or found[1] != store.checksum:
         raise _damaged(path)
-    marks = Marks(path, found[0], *found[2:])
+    marks = Marks(path, found[0], *found[2:], file)
     try:
         for number, n in enumerate(np.diff(marks.first).tolist()):
             marks.read(number, np.empty((n, BRICK_BYTES), np.uint8))
@@ -251,16 +253,29 @@ def verify_marks(store: Store, group: Group) -> None:
         marks.close()
 
 
+def _opened(path: Path, store: Store) -> SharedFile | None:
+    """Open the file of marks, if there are some that are believed: once, for tables and bricks."""
+    if not is_believed(path, store):
+        return None
+    try:
+        file = SharedFile(path)
+    except StreamError as error:
+        if error.errno == errno.ENOENT:
+            return None
+        raise refused(path, 0, OSError(error.errno, ""), "reading") from None
+    return file if is_named(file.fileno(), path) else None
+
+
 def _read_tables(
-    path: Path, *, verified: bool
+    path: Path, opened: SharedFile, *, verified: bool
 ) -> tuple[Layout, int, Bytes, NDArray[np.uint32], NDArray[np.int64]] | None:
     """Return a file's layout, the store's checksum, and the occupied bricks, checksums and sizes of
-    layers; None where there is no file, or one of another version unless `verified`, which refuses
-    it.
+    layers; None where the file is of another version, unless `verified`, which refuses it.
     """
     try:
-        with path.open("rb") as file:
+        with os.fdopen(os.dup(opened.fileno()), "rb") as file:
             size = os.fstat(file.fileno()).st_size
+            file.seek(0)
             header = file.read(HEADER.size)
             check = file.read(CRC.size)
             if len(check) < CRC.size or header[: len(MAGIC)] != MAGIC:
@@ -279,8 +294,6 @@ def _read_tables(
             if axis > 2 or 0 in layout.shape or size < layout.data_at:
                 raise _damaged(path)
             tables = file.read(layout.data_at - file.tell())
-    except FileNotFoundError:
-        return None
     except OSError as error:
         raise refused(path, 0, error, "reading") from error
     if zlib.crc32(tables) != tables_crc:

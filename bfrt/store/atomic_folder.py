@@ -1,20 +1,33 @@
 """A folder that exists whole under its name, or not at all.
 
-It is written aside, under a temporary name beside its own, made durable and renamed. A folder that
-has the name already steps aside first, and goes when the new one is in its place.
+It is written aside, under a temporary name beside its own, made durable, and changes places in one
+step with the folder that has the name, which goes then. Where the system has no such step that
+folder steps aside first, by a rename of its own: a process that ends between the two leaves both,
+and whoever looks for the name next gives it to the new one (`bfrt.streams.litter.restore`).
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import logging
 import os
-import secrets
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 from bfrt.streams.atomic_write import refused, sync_folder
+from bfrt.streams.exchange import exchange
+from bfrt.streams.litter import sweep
+from bfrt.streams.ownership import FOLDER, Owned, create_folder, lock, look_at
 
 log = logging.getLogger(__name__)
+
+#: What the system says where another process has taken the name, or given it up, meanwhile.
+MOVED = (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST)
+
+#: Attempts to take a name that others take too.
+TRIES = 10
 
 
 class AtomicFolder:
@@ -31,24 +44,38 @@ class AtomicFolder:
     ----------
     target : Path
         The name without links.
-    aside : Path
-        Where it is written to.
     """
 
     def __init__(self, path: Path, durable: bool) -> None:
         self.path = path
         self.durable = durable
         self.target = Path(os.path.realpath(path))
-        # 40 characters are at most 160 bytes, which leaves the name below every system's 255.
-        name = f".{self.target.name[:40]}.{secrets.token_hex(8)}.part"
-        self.aside = self.target.with_name(name)
+        self._own: Owned | None = None
+
+    @property
+    def own(self) -> Owned:
+        """Return the folder itself, once it is created."""
+        assert self._own is not None
+        return self._own
+
+    @property
+    def aside(self) -> Path:
+        """Return where it is written to, once it is created."""
+        return self.own.path
+
+    @property
+    def old(self) -> Path:
+        """Return where what it replaces steps aside to, if they cannot change places."""
+        return self.aside.with_suffix(".old")
 
     def create(self) -> None:
-        """Create it aside, with the folders above it."""
+        """Create it aside, with the folders above it; litter there goes first."""
         try:
-            self.aside.mkdir(parents=True)
+            self.target.parent.mkdir(parents=True, exist_ok=True)
+            sweep(self.target.parent)
+            self._own = create_folder(self.target)
         except OSError as error:
-            raise refused(self.aside, 0, error, "creating") from error
+            raise refused(self.target, 0, error, "creating") from error
 
     def sync(self) -> None:
         """Make the entries of all its folders durable, where that is wanted."""
@@ -57,33 +84,77 @@ class AtomicFolder:
 
     def take_name(self) -> None:
         """Take the name from what has it; nothing has changed where that fails."""
-        old = self.aside.with_suffix(".old")
-        replaces = self.target.exists()
-        try:
-            if replaces:
-                self.target.rename(old)
-            self.aside.rename(self.target)
-            if self.durable:
-                sync_folder(self.target.parent)
-        except BaseException as error:
-            self._step_back(old, replaces)
-            if isinstance(error, OSError):
-                raise refused(self.path, 0, error, "renaming to it") from error
-            raise
-        try:
-            if replaces:
-                shutil.rmtree(old)
-        except OSError as error:
-            log.warning("%s: the store that was replaced could not be removed: %s", old, error)
+        with self._replaced_held():
+            try:
+                self._put()
+                if self.durable:
+                    sync_folder(self.target.parent)
+            except BaseException as error:
+                self._step_back()
+                if isinstance(error, OSError):
+                    raise refused(self.path, 0, error, "renaming to it") from error
+                raise
+            try:
+                for replaced in (self.aside, self.old):
+                    if os.path.lexists(replaced):
+                        shutil.rmtree(replaced)
+            except OSError as error:
+                log.warning(
+                    "%s: the store that was replaced could not be removed: %s", replaced, error
+                )
+        self.own.release()
 
-    def _step_back(self, old: Path, replaces: bool) -> None:
-        """Undo the renames that were done."""
-        renamed = not self.aside.exists() and self.target.exists()
-        if renamed and old.exists() == replaces:
-            self.target.rename(self.aside)
-        if replaces and not self.target.exists():
-            old.rename(self.target)
+    @contextlib.contextmanager
+    def _replaced_held(self) -> Iterator[None]:
+        """Hold the lock of what will be replaced: it is no litter until the new one is in place."""
+        descriptor = -1
+        try:
+            try:
+                descriptor = look_at(self.target, FOLDER)
+                lock(descriptor)
+            except FileNotFoundError:
+                pass
+            except OSError as error:
+                raise refused(self.path, 0, error, "locking") from error
+            yield
+        finally:
+            if descriptor >= 0:
+                with contextlib.suppress(OSError):
+                    os.close(descriptor)
+
+    def _put(self) -> None:
+        """Take the name, also where others do so at the same time: the last one has it."""
+        for left in reversed(range(TRIES)):
+            try:
+                if not os.path.lexists(self.target):
+                    self.aside.rename(self.target)
+                elif not exchange(self.aside, self.target):
+                    self.target.rename(self.old)
+                    self.aside.rename(self.target)
+                return
+            except OSError as error:
+                if self.own.is_at(self.target):  # who came by in between has finished it
+                    return
+                if error.errno not in MOVED or not left:
+                    raise
+
+    def _step_back(self) -> None:
+        """Undo the renames that were done, as far as the system lets us."""
+        with contextlib.suppress(OSError):
+            if self.own.is_at(self.target):
+                if os.path.lexists(self.aside):
+                    exchange(self.aside, self.target)
+                else:
+                    self.target.rename(self.aside)
+            if os.path.lexists(self.old) and not os.path.lexists(self.target):
+                self.old.rename(self.target)
 
     def abandon(self) -> None:
-        """Remove what was written aside."""
-        shutil.rmtree(self.aside, ignore_errors=True)
+        """Remove what was written aside; where none has the name, both halves are kept for it."""
+        if self._own is None:
+            return
+        if os.path.lexists(self.old) and not os.path.lexists(self.target):
+            self._own.release()
+        else:
+            shutil.rmtree(self.old, ignore_errors=True)
+            self._own.remove()

@@ -52,6 +52,7 @@ from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.streams.atomic_write import refused
+from bfrt.streams.litter import restore
 
 VERSION = 5
 MADE = "made.json"
@@ -256,7 +257,7 @@ def open_store(path: str | os.PathLike[str]) -> Store:
     path = path_of("store", path)
     file = path / HEADER
     try:
-        data = file.read_bytes()
+        data = _data_of(file)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         raise StoreError(f"{path}: not a scene store: expected a directory with {HEADER}") from None
     except OSError as error:
@@ -266,6 +267,16 @@ def open_store(path: str | os.PathLike[str]) -> Store:
         _check_sizes(stream)
     check_size(path / PALETTE, store.palette.bytes)
     return store
+
+
+def _data_of(file: Path) -> bytes:
+    """Return a header's text, also where the replacement of its store has ended half-way."""
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        if not restore(Path(os.path.realpath(file.parent))):
+            raise
+    return file.read_bytes()
 
 
 def has_magic(path: Path) -> bool:

@@ -2,7 +2,8 @@
 
 A file is written under a temporary name in its own folder, opened exclusively, fsynced and
 renamed. Whatever ends the work early, a full disk or Ctrl-C, takes the temporary file with it and
-leaves what stood under the final name as it was.
+leaves what stood under the final name as it was. What a killed process left there, the next one
+that writes into the folder removes.
 """
 
 from __future__ import annotations
@@ -11,13 +12,13 @@ import contextlib
 import errno
 import io
 import os
-import secrets
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bfrt.errors import DiskFullError, SettingError, StreamError
 from bfrt.paths import path_of
+from bfrt.streams.litter import sweep
+from bfrt.streams.ownership import Owned, create_file, create_folder
 
 #: What the system says when there is no room: the disk's, and the user's where there are quotas.
 DISK_FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
@@ -26,6 +27,9 @@ DISK_FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasat
 #: What it says where folders cannot be synced: some network file systems, and folders that one
 #: may write to and not read.
 UNSYNCED = (errno.EINVAL, errno.EBADF, errno.EACCES)
+
+#: What it says where it has no files without a name, or has none in a folder's file system.
+NAMED_ONLY = (errno.EISDIR, errno.ENOENT, errno.EOPNOTSUPP, errno.EINVAL)
 
 
 @contextlib.contextmanager
@@ -60,12 +64,26 @@ def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
 
     Where the last steps fail, the files that have their names already are removed again.
     """
-    targets = [_target(path) for path in paths]
+    with _written([_target(path) for path in paths]) as temporaries:
+        yield temporaries
+
+
+@contextlib.contextmanager
+def atomic_own_path(path: Path, mode: int = 0o666) -> Iterator[Path]:
+    """Do as `atomic_path` for a file of ours, where a link is no wish: it is replaced."""
+    with _written([path], mode) as (temporary,):
+        yield temporary
+
+
+@contextlib.contextmanager
+def _written(targets: Sequence[Path], mode: int = 0o666) -> Iterator[list[Path]]:
+    owned: list[Owned] = []
     temporaries: list[Path] = []
     renamed: list[Path] = []
     try:
         for target in targets:
-            temporaries.append(_create(target))
+            owned.append(_create(target, mode))
+            temporaries.append(owned[-1].path)
         yield temporaries
         for temporary in temporaries:
             _sync(temporary, os.O_RDWR)
@@ -78,6 +96,9 @@ def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
         if isinstance(error, OSError) and error.errno in DISK_FULL:
             raise refused(targets[0], 0, error, "writing") from error
         raise
+    finally:
+        for each in owned:
+            each.release()
     for folder in {target.parent for target in targets}:
         sync_folder(folder)
 
@@ -90,10 +111,50 @@ def nameless(folder: Path, path: Path) -> io.FileIO:
     StreamError
         If the system refuses it; `path` is what the error calls it.
     """
+    sweep(folder)
     try:
-        return tempfile.TemporaryFile(buffering=0, prefix="bfrt-", dir=folder)
+        descriptor = _unnamed(folder)
+        if descriptor is None:
+            owned = create_file(folder / "spool", 0o600)
+            try:
+                descriptor = os.dup(owned.descriptor)
+            finally:
+                owned.remove()
+        return io.FileIO(descriptor, "r+")
     except OSError as error:
         raise refused(path, 0, error, "creating") from error
+
+
+def _unnamed(folder: Path) -> int | None:
+    """Return a descriptor of a new file without a name; None where the system has no such files."""
+    if not hasattr(os, "O_TMPFILE"):
+        return None
+    try:
+        return os.open(folder, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        if error.errno in NAMED_ONLY:
+            return None
+        raise
+
+
+@contextlib.contextmanager
+def temporary_folder(folder: Path, name: str) -> Iterator[Path]:
+    """Create a folder in another, for us alone, which goes when the block ends.
+
+    Parameters
+    ----------
+    name : str
+        What its name, which nobody can foretell, begins with.
+    """
+    sweep(folder)
+    try:
+        owned = create_folder(folder / name, 0o700)
+    except OSError as error:
+        raise refused(folder / name, 0, error, "creating") from error
+    try:
+        yield owned.path
+    finally:
+        owned.remove()
 
 
 def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str]) -> None:
@@ -150,15 +211,13 @@ def _take_back(temporaries: list[Path], renamed: list[Path]) -> None:
             path.unlink()
 
 
-def _create(target: Path) -> Path:
+def _create(target: Path, mode: int) -> Owned:
     """Create an empty file beside `target`, with the permissions that any new file gets."""
-    # 40 characters are at most 160 bytes, which leaves the name below every system's 255.
-    temporary = target.with_name(f".{target.name[:40]}.{secrets.token_hex(8)}.tmp")
+    sweep(target.parent)
     try:
-        os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        return create_file(target, mode)
     except OSError as error:
         raise refused(target, 0, error, "creating") from error
-    return temporary
 
 
 def _sync(path: Path, flags: int) -> None:

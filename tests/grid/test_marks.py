@@ -17,11 +17,11 @@ from bfrt.grid.bricks import BRICK_BYTES
 from bfrt.grid.marks import (
     HEADER,
     Layout,
-    marks_path,
     open_marks,
     verify_marks,
     writing_marks,
 )
+from bfrt.grid.marks_home import marks_path
 from bfrt.store.writer import StoreWriter
 from bfrt.streams.reader import Reader, SharedFile
 
@@ -153,7 +153,7 @@ def test_new_marks_replace_old_ones(store, tmp_path):
     save(path, store, Layout((60, 1, 1), 0))
     save(path, store, seed=2)
     np.testing.assert_array_equal(read(path, store)[1], expected(seed=2)[1])
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bfrt", "marks"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bfrt", "marks", "store"]
 
 
 def test_marks_that_are_not_finished_leave_the_old_ones(store, tmp_path):
@@ -162,7 +162,7 @@ def test_marks_that_are_not_finished_leave_the_old_ones(store, tmp_path):
     with pytest.raises(KeyError), writing_marks(path, store, LAYOUT):
         raise KeyError
     np.testing.assert_array_equal(read(path, store)[1], expected()[1])
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bfrt", "marks"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bfrt", "marks", "store"]
 
 
 @pytest.mark.parametrize("size", [0, 10, HEADER.size - 1, HEADER.size, HEADER.size + 9, -1])
@@ -231,12 +231,6 @@ def test_a_folder_in_their_place(store):
         open_marks(store.path / "0" / "marks", store, LAYOUT)
     with pytest.raises(StreamError, match="marks: reading"):
         verify_marks(store, store.groups[0])
-
-
-def test_a_read_only_store_has_its_marks_in_scratch(store, tmp_path, monkeypatch):
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    path = marks_path(store, store.groups[0], tmp_path)
-    assert path == tmp_path / f"a.bfrt-{store.checksum:08x}-0.marks"
 
 
 def test_an_empty_store_has_a_place_for_marks(tmp_path):

@@ -13,7 +13,8 @@ from scenes import random_objects
 import bfrt
 from bfrt.grid.bricks import BRICK, BRICK_BYTES
 from bfrt.grid.grid import Grid
-from bfrt.grid.marks import marks_path, open_marks
+from bfrt.grid.marks import open_marks
+from bfrt.grid.marks_home import marks_path
 from bfrt.grid.partition import partition_of
 from bfrt.grid.subspace import Subspace
 from bfrt.phases._preprocess import mark

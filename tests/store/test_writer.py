@@ -22,7 +22,7 @@ from scenes import random_objects
 import bfrt
 from bfrt.errors import DiskFullError, SceneError, SettingError, StoreError, StreamError
 from bfrt.records import Kind
-from bfrt.store import record_writer
+from bfrt.store import atomic_folder, record_writer
 from bfrt.store.model import Camera, Light, Material
 from bfrt.store.store import open_store
 from bfrt.store.writer import StoreWriter
@@ -696,6 +696,8 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
     """The system refuses the first call of a sort, then the second, and so on."""
     path = folder / "a.bfrt"
     real = getattr(owner, name)
+    if name == "rename":
+        monkeypatch.setattr(atomic_folder, "exchange", by_renames)
     for refused in itertools.count(1):
         with StoreWriter(path, order="given") as writer:
             writer.spheres(N3, 1)
@@ -723,7 +725,7 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
         if replaced:
             open_store(path).verify()
             for left in folder.glob(".*"):  # only the old store, and not in silence
-                assert left.suffix == ".old"
+                assert left.suffix == (".old" if name == "rename" else ".part")
                 assert "could not be removed" in caplog.text
                 shutil.rmtree(left)
             if next(calls) <= refused:
@@ -740,9 +742,34 @@ def open_files():
     return len(list(folder.iterdir())) if folder.exists() else 0
 
 
+def by_renames(one, other):
+    """The system cannot exchange two names."""
+    return False
+
+
+def test_an_interrupt_after_the_exchange(folder, monkeypatch):
+    path = folder / "a.bfrt"
+    StoreWriter(path, order="given").complete()
+    old = contents(path)
+    real = atomic_folder.exchange
+
+    def interrupted(one, other):
+        assert real(one, other)
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    writer = StoreWriter(path, order="given")
+    writer.spheres(N3, 1)
+    monkeypatch.setattr(atomic_folder, "exchange", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        writer.complete()
+    assert contents(path) == old
+
+
 @pytest.mark.parametrize("when", ["old away", "new in place"])
 @pytest.mark.parametrize("replaces", [True, False])
 def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
+    monkeypatch.setattr(atomic_folder, "exchange", by_renames)
     path = folder / "a.bfrt"
     if replaces:
         StoreWriter(path, order="given").complete()
@@ -752,7 +779,7 @@ def test_an_interrupt_between_the_renames(folder, monkeypatch, when, replaces):
     def interrupted(self, target):
         result = real(self, target)
         if (when == "new in place") == (Path(target) == path) and Path(target).suffix != ".part":
-            monkeypatch.undo()
+            monkeypatch.setattr(Path, "rename", real)
             raise KeyboardInterrupt
         return result
 
@@ -843,6 +870,47 @@ def test_a_killed_writer_leaves_nothing_that_opens(tmp_path, after):
     with StoreWriter(path) as writer:  # and nothing is in the way of another try
         writer.spheres(N3, 1)
     assert open_store(path).objects == 4
+
+
+KILLED_BETWEEN = """
+import os, signal, sys
+from pathlib import Path
+import numpy as np
+from bfrt import SceneWriter
+from bfrt.store import atomic_folder
+
+def killed(path, target, rename=Path.rename):
+    rename(path, target)
+    if Path(target).suffix == ".old":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+Path.rename = killed
+atomic_folder.exchange = lambda one, other: False
+with SceneWriter(sys.argv[1]) as writer:
+    writer.spheres(np.eye(3, dtype=np.float32), 1)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_writer_that_is_killed_between_the_renames(tmp_path, lost):
+    """Who opens the store finds the new one; or the old one, if the disk has lost the new."""
+    path = tmp_path / "a.bfrt"
+    with StoreWriter(path) as writer:
+        writer.spheres(N3, 1)
+    source = str(Path(bfrt.__file__).parents[1])
+    command = [sys.executable, "-c", KILLED_BETWEEN, str(path)]
+    environment = {**os.environ, "PYTHONPATH": source}
+    done = subprocess.run(command, env=environment, cwd=tmp_path, check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert not path.exists()
+    (new,) = tmp_path.glob(".*.part")
+    if lost:
+        (new / "scene.json").write_bytes(b"")
+    assert open_store(path).objects == (4 if lost else 3)
+    bfrt.clean(tmp_path)
+    assert [each.name for each in tmp_path.iterdir()] == ["a.bfrt"]
+    open_store(path).verify()
 
 
 #: The first of two elements has no value.

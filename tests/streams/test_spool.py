@@ -235,13 +235,13 @@ def test_a_folder_that_is_not_there(tmp_path):
 
 def test_a_spool_that_lost_its_bytes(scratch, monkeypatch):
     made = []
-    real = tempfile.TemporaryFile
+    real = spool_module.nameless
 
-    def remember(**arguments):
-        made.append(real(**arguments))
+    def remember(*where):
+        made.append(real(*where))
         return made[0]
 
-    monkeypatch.setattr(tempfile, "TemporaryFile", remember)
+    monkeypatch.setattr(spool_module, "nameless", remember)
     spool = Spool(RECORD, 0, scratch)
     spool.append(records(0, 10))
     made[0].truncate(50)

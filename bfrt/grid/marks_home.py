@@ -1,0 +1,112 @@
+"""Where marks lie, and whose are believed.
+
+Marks belong into their store. Those of a store that is read-only lie in a folder of the user's
+own::
+
+    HOME/NAME-CHECKSUM/store        where the store is
+    HOME/NAME-CHECKSUM/GROUP.marks
+
+HOME is ``bfrt`` in the user's cache folder (``XDG_CACHE_HOME``, or ``~/.cache``), or where a
+scratch folder is asked for, ``bfrt-USER`` in it. There others can foretell every name. So HOME and
+what is in it have to be ours, and to be such that only we may write to it; whatever else is there
+is not believed, and no link is followed.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from bfrt.errors import BfrtError
+from bfrt.store.store import Group, Store, open_store
+from bfrt.streams.atomic_write import atomic_own_path, refused
+from bfrt.streams.ownership import FILE, FOLDER, parsed, stem_of
+from bfrt.streams.private_folder import cache_folder, is_private, make_private, user
+
+#: The file that says where a store is.
+PLACE = "store"
+
+
+def home_in(scratch: Path | None) -> Path:
+    """Return the folder for the marks of read-only stores."""
+    return cache_folder() if scratch is None else scratch / f"bfrt-{user()}"
+
+
+def marks_path(store: Store, group: Group, scratch: Path | None) -> Path:
+    """Return the path of a group's marks: in the store, or outside if that is read-only.
+
+    Parameters
+    ----------
+    scratch : Path, optional
+        The scratch folder, if one is asked for.
+    """
+    home = store.path / str(group.number)
+    if os.access(home if home.is_dir() else store.path, os.W_OK):
+        return home / "marks"
+    name = stem_of(Path(os.path.realpath(store.path)).name)
+    return home_in(scratch) / f"{name}-{store.checksum:08x}" / f"{group.number}.marks"
+
+
+def is_inside(path: Path, store: Store) -> bool:
+    """Tell whether marks lie in their store, which vouches for them."""
+    return path.is_relative_to(store.path)
+
+
+def is_believed(path: Path, store: Store) -> bool:
+    """Tell whether marks are there that may be read: a file, no link, and outside a store ours."""
+    if is_inside(path, store):
+        try:
+            return not stat.S_ISLNK(path.lstat().st_mode)
+        except FileNotFoundError:
+            return False
+        except OSError as error:
+            raise refused(path, 0, error, "reading") from error
+    folders = path.parent.parent, path.parent
+    return all(is_private(folder, FOLDER) for folder in folders) and is_private(path, FILE)
+
+
+def prepare_home(path: Path, store: Store) -> None:
+    """Make the folders of marks outside their store.
+
+    Raises
+    ------
+    SettingError
+        If one is there that is not ours alone.
+    DiskFullError, StreamError
+        If the system refuses.
+    """
+    if is_inside(path, store):
+        return
+    for folder in (path.parent.parent, path.parent):
+        make_private(folder)
+    place = path.parent / PLACE
+    with atomic_own_path(place, 0o600) as file:
+        try:
+            file.write_bytes(os.fsencode(os.path.realpath(store.path)))
+        except OSError as error:
+            raise refused(place, 0, error, "writing") from error
+
+
+def stale(home: Path) -> Iterator[Path]:
+    """Yield the folders in HOME whose store is gone, or is another one now."""
+    try:
+        folders = sorted(home.iterdir()) if is_private(home, FOLDER) else []
+    except OSError:
+        return
+    for folder in folders:
+        if parsed(folder.name) is None and is_private(folder, FOLDER) and not _has_store(folder):
+            yield folder
+
+
+def _has_store(folder: Path) -> bool:
+    """Tell whether the store is there whose marks a folder has; True of other folders."""
+    try:
+        place = Path(os.fsdecode((folder / PLACE).read_bytes()))
+    except OSError:
+        return True
+    try:
+        return folder.name.endswith(f"-{open_store(place).checksum:08x}")
+    except (BfrtError, OSError, ValueError):
+        return False
