@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from bfrt.errors import BfrtError, SceneError, ShortReadError, StreamError
 from bfrt.formats.encoding import MARK_BYTES, MARKS, Decoder, mark_of
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import refused
 
 #: Bytes of text that are parsed at once.
 CHUNK_BYTES = 1 << 20

@@ -42,8 +42,9 @@ from numpy.typing import NDArray
 from bfrt.errors import ShortReadError, StoreError, StreamError
 from bfrt.grid._coding import MOST_CODED, decode, encode
 from bfrt.grid.bricks import BRICK, BRICK_BYTES
+from bfrt.refusals import refused
 from bfrt.store.store import Group, Store
-from bfrt.streams.atomic_write import atomic_path, put, refused
+from bfrt.streams.atomic_write import atomic_path, put
 from bfrt.streams.reader import Reader, SharedFile
 
 MAGIC = b"bfrtmark"

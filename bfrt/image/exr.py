@@ -21,7 +21,8 @@ import numpy.typing as npt
 import OpenEXR
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.streams.atomic_write import DISK_FULL, atomic_path, refused
+from bfrt.refusals import DISK_FULL, refused
+from bfrt.streams.atomic_write import atomic_path
 
 Band = Mapping[str, npt.NDArray[Any]]
 

@@ -16,7 +16,8 @@ from bfrt.errors import SettingError
 from bfrt.masks import is_masked
 from bfrt.paths import check_folder
 from bfrt.records import plain
-from bfrt.streams.atomic_write import atomic_paths, refused
+from bfrt.refusals import refused
+from bfrt.streams.atomic_write import atomic_paths
 from bfrt.streams.bucket_sort import buckets_of, gathered
 from bfrt.streams.spool import Spool
 

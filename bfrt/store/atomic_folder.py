@@ -12,7 +12,8 @@ import secrets
 import shutil
 from pathlib import Path
 
-from bfrt.streams.atomic_write import refused, sync_folder
+from bfrt.refusals import refused
+from bfrt.streams.atomic_write import sync_folder
 
 log = logging.getLogger(__name__)
 

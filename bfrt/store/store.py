@@ -46,12 +46,12 @@ from bfrt.records import (
     TREELET_BYTES,
     Kind,
 )
+from bfrt.refusals import refused
 from bfrt.store.extent import NOTHING, Bounds
 from bfrt.store.file_facts import FileFacts, check_size, checksum_of, damaged
 from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
-from bfrt.streams.atomic_write import refused
 
 VERSION = 5
 MADE = "made.json"

@@ -16,12 +16,9 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from bfrt.errors import DiskFullError, SettingError, StreamError
+from bfrt.errors import SettingError, StreamError
 from bfrt.paths import path_of
-
-#: What the system says when there is no room: the disk's, and the user's where there are quotas.
-DISK_FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
-
+from bfrt.refusals import DISK_FULL, refused
 
 #: What it says where folders cannot be synced: some network file systems, and folders that one
 #: may write to and not read.
@@ -115,15 +112,6 @@ def sync_folder(folder: Path) -> None:
     except StreamError as error:
         if error.errno not in UNSYNCED:
             raise
-
-
-def refused(path: str | os.PathLike[str], offset: int, error: OSError, doing: str) -> StreamError:
-    """Return a `StreamError` or `DiskFullError` for a system error; a StreamError stays itself."""
-    if isinstance(error, StreamError):
-        return error
-    number = error.errno or errno.EIO
-    kind = DiskFullError if number in DISK_FULL else StreamError
-    return kind(path, offset, number, doing)
 
 
 def _target(path: str | os.PathLike[str]) -> Path:

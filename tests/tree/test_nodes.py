@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from bfrt.reference._tree import box_met, node_met, node_of, node_sides
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
+from bfrt.reference._tree import box_met, node_met, node_of, node_sides
 
 FINITE = st.floats(-(2.0**100), 2.0**100, width=32)
 COORDINATES = FINITE | st.integers(-4, 4).map(float) | st.floats(-1, 1, width=32)

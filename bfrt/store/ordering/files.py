@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.records import BOX_BYTES, NODE_BYTES, OFFSET_BYTES
+from bfrt.refusals import refused
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.windows import OrderedWindow
-from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
+from bfrt.refusals import refused
 from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
 from bfrt.store.ordering.room import Amount, Room, room_of
-from bfrt.streams.atomic_write import refused
 
 
 class GivenFiles(NamedTuple):
