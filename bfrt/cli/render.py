@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,9 +20,11 @@ from bfrt.image.picture import SUFFIXES
 from bfrt.paths import check_apart, check_file
 from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
+from bfrt.refusals import calling
 from bfrt.scene import Scene, open_scene
 from bfrt.settings import REFINEMENTS, scratch_folder
 from bfrt.streams.atomic_write import atomic_path
+from bfrt.streams.removal import remove_folder
 from bfrt.view import aovs_of
 
 
@@ -88,7 +89,7 @@ def run_render(options: argparse.Namespace) -> None:
         image.save(output, half=options.half and output.lower().endswith(".exr"))
     assert image.stats is not None
     if options.stats is not None:
-        with atomic_path(options.stats) as path:
+        with atomic_path(options.stats) as path, calling(options.stats, "writing"):
             path.write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
     if options.table:
         print(image.stats.table())
@@ -154,9 +155,10 @@ def opened(options: argparse.Namespace) -> Iterator[Scene]:
         yield open_scene(options.input)
         return
     folder = scratch_folder(options.scratch, Path(options.output[0]))
-    temporary = Path(tempfile.mkdtemp(prefix="bfrt-", dir=folder))
+    with calling(folder, "creating a folder in it"):
+        temporary = Path(tempfile.mkdtemp(prefix="bfrt-", dir=folder))
     try:
         name = Path(options.input.replace(":", "-")).stem or "scene"
         yield convert_input(options, temporary / f"{name}.bfrt", durable=False)
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        remove_folder(temporary)

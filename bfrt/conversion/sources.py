@@ -18,7 +18,7 @@ from bfrt.formats.ply.reader import read_ply
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report
 from bfrt.formats.stl import read_stl
-from bfrt.paths import HEADER, path_of
+from bfrt.paths import is_folder, path_of
 from bfrt.scene import PathLike
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
@@ -117,4 +117,4 @@ def parse_spd(name: str, hash: str | None = None) -> SpdScene:
 def is_store(source: PathLike) -> bool:
     """Tell whether a path is a scene store, or has the name of one."""
     path = path_of("source", source)
-    return (path / HEADER).exists() or path.suffix == ".bfrt" or path.is_dir()
+    return path.suffix == ".bfrt" or is_folder(path)

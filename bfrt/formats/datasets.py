@@ -25,7 +25,9 @@ from bfrt.formats.table import Array, Column, Path, paths_of
 from bfrt.formats.trial import may_be_virtual, try_file
 
 
-def failure(source: Source, error: Exception, expected: str, place: str = "") -> BfrtError:
+def failure(
+    source: Source, error: Exception, expected: str, place: str = ""
+) -> BfrtError | MemoryError:
     """Return the exception for an error of HDF5: the system's refusal, where one caused it."""
     return refusal_of(error) or source.failure(error, expected, place)
 

@@ -42,9 +42,10 @@ from numpy.typing import NDArray
 from bfrt.errors import ShortReadError, StoreError, StreamError
 from bfrt.grid._coding import MOST_CODED, decode, encode
 from bfrt.grid.bricks import BRICK, BRICK_BYTES
-from bfrt.refusals import refused
+from bfrt.paths import is_folder
+from bfrt.refusals import calling, refused
 from bfrt.store.store import Group, Store
-from bfrt.streams.atomic_write import atomic_path, put
+from bfrt.streams.atomic_write import atomic_file, put
 from bfrt.streams.reader import Reader, SharedFile
 
 MAGIC = b"bfrtmark"
@@ -167,7 +168,7 @@ class Marks:
 def marks_path(store: Store, group: Group, scratch: Path) -> Path:
     """Return the path of a group's marks: in the store, or in `scratch` if that is read-only."""
     home = store.path / str(group.number)
-    if os.access(home if home.is_dir() else store.path, os.W_OK):
+    if os.access(home if is_folder(home) else store.path, os.W_OK):
         return home / "marks"
     return scratch / f"{store.path.name}-{store.checksum:08x}-{group.number}.marks"
 
@@ -190,7 +191,11 @@ class MarksWriter:
         self._file, self._path = file, path
         self._layer = 0
         self._coded = np.empty(CODED * MOST_CODED, np.uint8)
-        file.seek(layout.data_at)
+        self._go(layout.data_at)
+
+    def _go(self, at: int) -> None:
+        with calling(self._path, "seeking", at):
+            self._file.seek(at)
 
     def add(self, bricks: Bytes, occupied: Bytes) -> None:
         """Add the next layer: its bricks (n, 512), and which are kept, (rows, bricks of a row)."""
@@ -207,7 +212,7 @@ class MarksWriter:
 @contextmanager
 def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWriter]:
     """Yield a writer of marks, whose file takes its name when all layers are written."""
-    with atomic_path(path) as temporary, temporary.open("wb", buffering=0) as file:
+    with atomic_file(path) as file:
         writer = MarksWriter(file, path, layout)
         yield writer
         kept = int(writer.occupied.sum())
@@ -217,9 +222,10 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
             MAGIC, MARKS_VERSION, *layout.shape, layout.axis, store.checksum, kept, layout.boxes,
             zlib.crc32(tables),
         )  # fmt: skip
-        file.seek(0)
+        writer._go(0)
         put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
-        writer.marks = Marks(path, layout, writer.occupied, writer.crcs, writer.sizes, temporary)
+        written = Path(file.name)
+        writer.marks = Marks(path, layout, writer.occupied, writer.crcs, writer.sizes, written)
 
 
 def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import logging
 import os
 import secrets
-import shutil
 from pathlib import Path
 
-from bfrt.refusals import refused
+from bfrt.paths import mode_at, without_links
+from bfrt.refusals import calling, refused
 from bfrt.streams.atomic_write import sync_folder
+from bfrt.streams.removal import remove_folder
 
 log = logging.getLogger(__name__)
 
@@ -39,17 +40,15 @@ class AtomicFolder:
     def __init__(self, path: Path, durable: bool) -> None:
         self.path = path
         self.durable = durable
-        self.target = Path(os.path.realpath(path))
+        self.target = without_links(path)
         # 40 characters are at most 160 bytes, which leaves the name below every system's 255.
         name = f".{self.target.name[:40]}.{secrets.token_hex(8)}.part"
         self.aside = self.target.with_name(name)
 
     def create(self) -> None:
         """Create it aside, with the folders above it."""
-        try:
+        with calling(self.aside, "creating"):
             self.aside.mkdir(parents=True)
-        except OSError as error:
-            raise refused(self.aside, 0, error, "creating") from error
 
     def sync(self) -> None:
         """Make the entries of all its folders durable, where that is wanted."""
@@ -59,7 +58,7 @@ class AtomicFolder:
     def take_name(self) -> None:
         """Take the name from what has it; nothing has changed where that fails."""
         old = self.aside.with_suffix(".old")
-        replaces = self.target.exists()
+        replaces = mode_at(self.target) != 0
         try:
             if replaces:
                 self.target.rename(old)
@@ -71,11 +70,8 @@ class AtomicFolder:
             if isinstance(error, OSError):
                 raise refused(self.path, 0, error, "renaming to it") from error
             raise
-        try:
-            if replaces:
-                shutil.rmtree(old)
-        except OSError as error:
-            log.warning("%s: the store that was replaced could not be removed: %s", old, error)
+        if replaces and (refusal := remove_folder(old)) is not None:
+            log.warning("%s: what was replaced could not be removed: %s", old, refusal)
 
     def _step_back(self, old: Path, replaces: bool) -> None:
         """Undo the renames that were done."""
@@ -87,4 +83,4 @@ class AtomicFolder:
 
     def abandon(self) -> None:
         """Remove what was written aside."""
-        shutil.rmtree(self.aside, ignore_errors=True)
+        remove_folder(self.aside)

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
 from bfrt.ids import index_of, stream_number, stream_of
-from bfrt.paths import HEADER, MAGIC, path_of
+from bfrt.paths import HEADER, MAGIC, header_at, path_of
 from bfrt.records import (
     BOX_BYTES,
     CODE_BYTES,
@@ -271,8 +271,8 @@ def open_store(path: str | os.PathLike[str]) -> Store:
 def has_magic(path: Path) -> bool:
     """Tell whether a directory is a scene store of any version, which another may replace."""
     try:
-        return bool(json.loads((path / HEADER).read_bytes())["magic"] == MAGIC)
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return bool(json.loads(header_at(path))["magic"] == MAGIC)
+    except (ValueError, KeyError, TypeError, RecursionError):
         return False
 
 

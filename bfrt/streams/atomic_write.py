@@ -13,12 +13,13 @@ import io
 import os
 import secrets
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.paths import path_of
-from bfrt.refusals import DISK_FULL, refused
+from bfrt.paths import is_file, mode_at, path_of, without_links
+from bfrt.refusals import DISK_FULL, calling, closing, refused
+from bfrt.streams.removal import remove_file
 
 #: What it says where folders cannot be synced: some network file systems, and folders that one
 #: may write to and not read.
@@ -65,7 +66,7 @@ def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
             temporaries.append(_create(target))
         yield temporaries
         for temporary in temporaries:
-            _sync(temporary, os.O_RDWR)
+            sync_file(temporary)
         for temporary, target in zip(temporaries, targets, strict=True):
             renamed.append(target)
             _rename(temporary, target)
@@ -77,6 +78,42 @@ def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
         raise
     for folder in {target.parent for target in targets}:
         sync_folder(folder)
+
+
+@contextlib.contextmanager
+def atomic_file(path: str | os.PathLike[str]) -> Iterator[io.FileIO]:
+    """Give a file to write to, unbuffered, which becomes `path` when the block ends well.
+
+    Its ``name`` is the temporary one. What the block raises, and what the system refuses, is as
+    with `atomic_path`.
+    """
+    with atomic_path(path) as temporary:
+        with calling(path, "opening"):
+            file = temporary.open("wb", buffering=0)
+        with closing(file, path):
+            yield file
+
+
+def write_parts(path: str | os.PathLike[str], parts: Iterable[bytes]) -> None:
+    """Write a file of parts, whole or not at all, and look whether it has them all.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses; `DiskFullError` where it has no room.
+    """
+    with atomic_path(path) as temporary:
+        with calling(path, "opening"):
+            opened = temporary.open("wb", buffering=0)
+        written = 0
+        with closing(opened, path) as file:
+            for part in parts:
+                put(file, part, path)
+                written += len(part)
+        with calling(path, "examining"):
+            found = temporary.stat().st_size
+        if found != written:
+            raise StreamError(path, found, errno.EIO, f"writing {written} bytes, of which it ends")
 
 
 def nameless(folder: Path, path: Path) -> io.FileIO:
@@ -103,6 +140,11 @@ def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str])
         raise refused(path, file.tell(), error, "writing") from error
 
 
+def sync_file(path: Path) -> None:
+    """Make a file's contents durable; `StreamError` if the system refuses."""
+    _sync(path, os.O_RDWR)
+
+
 def sync_folder(folder: Path) -> None:
     """Make a folder's entries durable; `StreamError` if the system refuses."""
     if not hasattr(os, "O_DIRECTORY"):  # where a folder cannot be opened it need not be
@@ -116,8 +158,8 @@ def sync_folder(folder: Path) -> None:
 
 def _target(path: str | os.PathLike[str]) -> Path:
     """Return the file that a path stands for, a link's target."""
-    target = Path(os.path.realpath(path_of("output", path)))
-    if target.exists() and not target.is_file():
+    target = without_links(path_of("output", path))
+    if mode_at(target) and not is_file(target):
         raise SettingError(f"{path}: found something else than a file, expected a file or nothing")
     return target
 
@@ -134,8 +176,7 @@ def _take_back(temporaries: list[Path], renamed: list[Path]) -> None:
     named = zip(temporaries, renamed, strict=False)
     gone = [target for temporary, target in named if left and temporary not in left]
     for path in (*left, *gone):
-        with contextlib.suppress(OSError):  # the first error is the one to hear about
-            path.unlink()
+        remove_file(path)
 
 
 def _create(target: Path) -> Path:
@@ -145,6 +186,7 @@ def _create(target: Path) -> Path:
     try:
         os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
     except OSError as error:
+        remove_file(temporary)
         raise refused(target, 0, error, "creating") from error
     return temporary
 

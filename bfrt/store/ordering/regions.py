@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.refusals import refused
+from bfrt.refusals import give_up, refused
 from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
 from bfrt.streams.atomic_write import nameless
 from bfrt.streams.free import check_free
@@ -137,4 +137,4 @@ class Regions:
 
     def close(self) -> None:
         """Give the disk back."""
-        self._file.close()
+        give_up(self._file)
