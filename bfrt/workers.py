@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import itertools
 import os
-import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import Any, Protocol, TypeVar
+from concurrent.futures import Future, wait
+from typing import Protocol, TypeVar
 
-from bfrt.errors import ResourceError
+from bfrt.threads import Pool
 
 Given = TypeVar("Given")
 Made = TypeVar("Made")
@@ -71,65 +70,6 @@ def chunk_of(count: int, threads: int, smallest: int, largest: int) -> int:
     return max(smallest, min(largest, -(-count // (threads * CHUNKS_EACH))))
 
 
-def started(threads: int, name: str) -> ThreadPoolExecutor:
-    """Return a pool whose threads all run.
-
-    By itself a pool starts a thread when there is work for it: where the system refuses the thread
-    the work stays where it is, and whoever waits for it waits for ever.
-
-    Raises
-    ------
-    ResourceError
-        If the system refuses one of them.
-    """
-    pool = ThreadPoolExecutor(threads, name)
-    begin = threading.Event()
-    running = 0
-    try:
-        for _ in range(threads):
-            pool.submit(begin.wait)  # which none ends, so that the next is another's
-            running += 1
-    except (RuntimeError, MemoryError) as error:
-        begin.set()
-        pool.shutdown(cancel_futures=True)
-        raise ResourceError(
-            f"threads: found no room for thread {running + 1} of {threads} ({name}), expected the "
-            "system to have it (see ulimit -v, ulimit -u)"
-        ) from error
-    finally:
-        begin.set()
-    return pool
-
-
-class Threads:
-    """Runs calls on threads that are started when the first call comes, and again after a fork."""
-
-    def __init__(self, threads: int, name: str) -> None:
-        self._threads = threads
-        self._name = name
-        self._forget()
-        if hasattr(os, "register_at_fork"):
-            os.register_at_fork(after_in_child=self._forget)
-
-    def _forget(self) -> None:
-        """Forget the threads, which a child of the process has not."""
-        self._pool: ThreadPoolExecutor | None = None
-        self._starting = threading.Lock()
-
-    def submit(self, call: Callable[..., Made], *given: Any) -> Future[Made]:
-        """Have a thread call something.
-
-        Raises
-        ------
-        ResourceError
-            If the system refuses the threads.
-        """
-        with self._starting:
-            if self._pool is None:
-                self._pool = started(self._threads, self._name)
-        return self._pool.submit(call, *given)
-
-
 class Workers:
     """Runs loops that release the GIL on `threads` threads.
 
@@ -138,7 +78,7 @@ class Workers:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._pool = started(threads - 1, "bfrt") if threads > 1 else None
+        self._pool = Pool(threads - 1, "bfrt") if threads > 1 else None
 
     def run(self, task: Task, count: int, *, smallest: int = 1, largest: int = 8192) -> None:
         """Call `task` for every chunk of range(count); chunks have `smallest` to `largest`.
@@ -214,7 +154,7 @@ class Workers:
 
     def close(self) -> None:
         if self._pool is not None:
-            self._pool.shutdown()
+            self._pool.close()
 
 
 #: Results that wait for their turn, beside those that threads are at.
@@ -233,7 +173,7 @@ def ahead(
     Exception
         The exception that `make` raised, in its turn; no new work is begun after it.
     """
-    with started(threads, "bfrt-ahead") as pool:
+    with Pool(threads, "bfrt-ahead") as pool:
         pending: deque[Future[Made]] = deque()
         try:
             for thing in given:

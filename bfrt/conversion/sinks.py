@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from bfrt.records import Kind
 from bfrt.scene import SceneWriter
 from bfrt.store.model import Camera, Light, Vector
-from bfrt.workers import started, usable_threads
+from bfrt.threads import Pool
+from bfrt.workers import usable_threads
 
 #: Blocks that wait to be written while the next is read.
 PENDING = 4
@@ -55,7 +56,7 @@ class Behind:
 
     def __init__(self, sink: GroupSink) -> None:
         self._sink = sink
-        self._threads = started(usable_threads(), "bfrt-prepare")
+        self._threads = Pool(usable_threads(), "bfrt-prepare")
         self._pending: deque[Callable[[], object]] = deque()
         self._begun: set[Kind] = set()
         self.camera = sink.camera
@@ -106,4 +107,5 @@ class Behind:
             if kind is None:
                 self._wait(0)
         finally:
-            self._threads.shutdown(cancel_futures=True)
+            self._threads.cancel()
+            self._threads.close()

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError, SceneError
 from bfrt.formats.naming import within
-from bfrt.formats.origins import Origins, opened, refusal_of
+from bfrt.formats.origins import Origins, close, opened, refusal_of
 from bfrt.formats.source import Source, printable
 from bfrt.formats.table import Array, Column, Path, paths_of
 from bfrt.formats.trial import may_be_virtual, try_file
@@ -145,7 +145,7 @@ class Datasets(Mapping[str, Array]):
     def close(self) -> None:
         """Close all files."""
         self._origins.close()
-        self._file.close()
+        close(self._file)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._listed)

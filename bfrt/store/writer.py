@@ -363,11 +363,8 @@ class StoreWriter(RecordWriter):
         self._open = False
         degenerate = sum(s.degenerate for g in self._groups for s in g.streams.values())
         if degenerate:
-            log.warning(
-                "%s: %d degenerate objects (no length, no area) are kept and never hit",
-                self.path,
-                degenerate,
-            )
+            told = "%s: %d degenerate objects (no length, no area) are kept and never hit"
+            log.warning(told, self.path, degenerate)
         return open_store(self.path)
 
     def _header(self, progress: DoneReport | None = None) -> dict[str, Any]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.refusals import buffer_of, calling, give_up, refused
-from bfrt.workers import Threads
+from bfrt.threads import Threads
 
 Data = bytes | bytearray | memoryview | NDArray[Any]
 
