@@ -138,7 +138,11 @@ def rendering(refine: str, divide=None, suffix: str = ".exr", order: str = "auto
     def run(folder: Path) -> bytes:
         with opened(folder, divide) as held:
             image = held.render(
-                refine=refine, threads=2, memory="512MiB", scratch=folder / "tmp", aovs=("P",)
+                refine=refine,
+                threads=2,
+                memory="512MiB",
+                scratch=folder / "tmp",
+                aovs=("position",),
             )
             image.save(folder / "out" / f"a{suffix}")
             return b"".join(np.asarray(pixels).tobytes() for pixels in image.channels.values())
