@@ -24,6 +24,7 @@ import h5py
 from h5py import h5d, h5f, h5i, h5o, h5s
 
 from bfrt.errors import SceneError, ShortReadError, StreamError
+from bfrt.refusals import calling
 
 #: Virtual datasets over virtual ones, at the most.
 DEEPEST = 16
@@ -142,7 +143,8 @@ class Origins:
         ShortReadError
         """
         for descriptor, file in self._files.items():
-            left = os.fstat(descriptor).st_size
+            with calling(file.name, "examining"):
+                left = os.fstat(descriptor).st_size
             if left < file.size:
                 raise ShortReadError(file.name, left, file.size - left, 0)
 
@@ -157,8 +159,10 @@ class Origins:
         """Keep a file open; return its name, size and id."""
         descriptor = file.get_vfd_handle()
         if descriptor not in self._files:
-            size = os.fstat(descriptor).st_size
-            self._files[descriptor] = Opened(os.fsdecode(h5f.get_name(file)), size, file)
+            name = os.fsdecode(h5f.get_name(file))
+            with calling(name, "examining"):
+                size = os.fstat(descriptor).st_size
+            self._files[descriptor] = Opened(name, size, file)
         return self._files[descriptor]
 
     def _add_parts(self, plist: Any, k: int, home: Opened, place: str, outer: Any) -> None:

@@ -188,6 +188,18 @@ def saving(suffix: str) -> Work:
     return Work(prepare, run)
 
 
+#: Faults at which a library ends the process, or prints, before anybody else hears of them.
+BEYOND = {
+    # lazrs is written in Rust, where memory that is refused ends the process, and it prints where
+    # its threads are refused.
+    "convert laz": ("memory ENOMEM", "memory ENOMEM lasting", "thread EAGAIN",
+                    "thread EAGAIN lasting"),
+    # HDF5 reads through a null pointer where all of its requests are refused.
+    "convert hdf5": ("memory ENOMEM lasting",),
+    "convert hdf5, gzip": ("memory ENOMEM lasting",),
+    "convert hdf5, virtual": ("memory ENOMEM lasting",),
+}  # fmt: skip
+
 WORKS: dict[str, Work] = {
     "convert nff": converting(nff, "a.nff"),
     "convert nff in the given order": converting(nff, "a.nff", order="given", durable=False),
