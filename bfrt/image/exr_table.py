@@ -71,7 +71,7 @@ def _whole_until(stream: io.BufferedReader, height: int) -> int | None:
         stream.seek(begin)
         head = stream.read(CHUNK.size)
         if len(head) < CHUNK.size or CHUNK.unpack(head)[0] != number * ROWS:
-            return int(begin)
+            return int(min(begin, size))
         end = begin + CHUNK.size + CHUNK.unpack(head)[1]
     return None if end == size else min(end, size)
 
