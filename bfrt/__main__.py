@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
+
+#: The exit status where the command does not begin.
+UNLOADED = 1
 
 try:
     from bfrt.process import (
@@ -17,14 +21,33 @@ except KeyboardInterrupt:  # before there is what takes it
     sys.exit(130)
 
 
+def spare_threads() -> None:
+    """Have NumPy's linear algebra, which nothing here asks for, start no threads of its own.
+
+    Where the system refuses them it interrupts the process.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def unloaded(error: BaseException) -> int:
+    """Say that the command could not be loaded; return the exit status."""
+    said = " ".join(str(error).split()) or "no memory"
+    say(f"bfrt: the command could not be loaded: {said:.200}")
+    return UNLOADED
+
+
 def run() -> int:
     """Be the command, from its imports to its exit; return the exit status of the process."""
     interrupts = Interrupts()
     try:
         interrupts.listen()
         open_missing_streams()
-        from bfrt.cli import main  # here, where an interrupt is already heard
-
+        spare_threads()
+        try:
+            from bfrt.cli import main  # here, where an interrupt is already heard
+        except (ImportError, MemoryError, OSError) as error:
+            interrupts.end()
+            return unloaded(error)
         interrupts.begun = True
         try:
             status = main()

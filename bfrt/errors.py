@@ -34,6 +34,13 @@ class BudgetError(BfrtError, MemoryError):
     """
 
 
+class ResourceError(BfrtError, MemoryError):
+    """Reports memory or a thread that the system refused, though the budget has room for it.
+
+    The message names what was asked for. It is a `MemoryError` too.
+    """
+
+
 class SettingError(BfrtError, ValueError):
     """Reports a setting or an argument that cannot be honoured.
 

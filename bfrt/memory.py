@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from bfrt.errors import SettingError
+from bfrt.refusals import calling
 
 UNITS = {"": 1, "B": 1}
 for _power, _letter in enumerate("KMGT", 1):
@@ -76,7 +77,7 @@ def default_memory() -> int:
 
 def cgroup_limits() -> list[int]:
     """Return the memory limits of this process's cgroup and of those above it; empty if none."""
-    groups = OWN_CGROUPS.read_text().splitlines() if OWN_CGROUPS.exists() else []
+    groups = (text_of(OWN_CGROUPS) or "").splitlines()
     limits = []
     for group in groups:
         _, controllers, name = group.split(":", 2)
@@ -88,6 +89,21 @@ def cgroup_limits() -> list[int]:
             continue
         folder = Path(name.lstrip("/"))
         for path in (root / part / file for part in (folder, *folder.parents)):
-            if path.exists() and (text := path.read_text().strip()).isdigit():
+            if (text := (text_of(path) or "").strip()).isdigit():
                 limits.append(int(text))
     return limits
+
+
+def text_of(path: Path) -> str | None:
+    """Return what the system says in a file, or None where there is none.
+
+    Raises
+    ------
+    StreamError
+        As it refuses to say it.
+    """
+    with calling(path, "reading"):
+        try:
+            return path.read_text()
+        except (FileNotFoundError, NotADirectoryError):
+            return None

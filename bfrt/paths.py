@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from bfrt.errors import SettingError
+from bfrt.refusals import calling, refused
 
 #: The file that makes a folder a scene store, and what is in it.
 HEADER = "scene.json"
@@ -16,6 +17,9 @@ MAGIC = "bfrt scene store"
 
 #: What the system says of a path to something that is not there.
 ABSENT = (errno.ENOENT, errno.ENOTDIR)
+
+#: What it says, too, of one that we may not know, or that it does not take for a name.
+UNKNOWN = (*ABSENT, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP)
 
 
 def path_of(name: str, value: object) -> Path:
@@ -34,6 +38,73 @@ def path_of(name: str, value: object) -> Path:
     return Path(path)
 
 
+def without_links(path: str | os.PathLike[str]) -> Path:
+    """Return the path that a path stands for, absolute; parts that are not there have no links.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses to say it.
+    """
+    try:
+        return Path(os.path.realpath(path, strict=True))
+    except OSError as error:
+        if error.errno not in UNKNOWN:
+            raise refused(path, 0, error, "examining") from error
+        return Path(os.path.realpath(path))
+
+
+def facts_at(path: Path) -> os.stat_result | None:
+    """Return what the system says of a path, links followed; None if there is nothing.
+
+    Raises
+    ------
+    StreamError
+        If it refuses to say it.
+    """
+    with calling(path, "examining"):
+        try:
+            return path.stat()
+        except OSError as error:
+            if error.errno in ABSENT:
+                return None
+            raise
+
+
+def mode_at(path: Path) -> int:
+    """Return what is at a path (``st_mode``), 0 for nothing; `StreamError` as `facts_at`."""
+    found = facts_at(path)
+    return 0 if found is None else found.st_mode
+
+
+def is_there(path: Path) -> bool:
+    """Tell whether a path has a name, of whatever it is, a link that leads nowhere too.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses to say it.
+    """
+    with calling(path, "examining"):
+        try:
+            path.lstat()
+        except OSError as error:
+            if error.errno in (*ABSENT, errno.ENAMETOOLONG):
+                return False
+            raise
+    return True
+
+
+def is_folder(path: Path) -> bool:
+    """Tell whether a path is a folder; `StreamError` where the system refuses to say it."""
+    return stat.S_ISDIR(mode_at(path))
+
+
+def is_file(path: Path) -> bool:
+    """Tell whether a path is a file; `StreamError` where the system refuses to say it."""
+    return stat.S_ISREG(mode_at(path))
+
+
 def check_apart(*paths: str | os.PathLike[str]) -> None:
     """Refuse paths of which two are one: what is written last would replace the other.
 
@@ -44,7 +115,7 @@ def check_apart(*paths: str | os.PathLike[str]) -> None:
     """
     seen: set[str] = set()
     for path in paths:
-        target = os.path.realpath(path_of("output", path))
+        target = str(without_links(path_of("output", path)))
         if target in seen:
             raise SettingError(f"{path}: found it twice, expected a path of its own for each file")
         seen.add(target)
@@ -60,12 +131,12 @@ def check_file(path: str | os.PathLike[str]) -> None:
         name is too long, or it is in a scene store.
     """
     given = path_of("output", path)
-    target = Path(os.path.realpath(given))
+    target = without_links(given)
     mode = _mode(str(given), target)
     if mode is not None and not stat.S_ISREG(mode):
         raise SettingError(f"{given}: found something else than a file, expected a file or nothing")
     check_outside(str(given), target)
-    if not target.parent.is_dir():
+    if not is_folder(target.parent):
         raise SettingError(f"{given}: found no folder {target.parent}, expected one that is there")
     _check_ours(str(given), target.parent)
 
@@ -81,9 +152,9 @@ def check_folder(name: str, path: str | os.PathLike[str], files: Iterable[str]) 
     """
     given = path_of(name, path)
     place = f"{name}: {given}"
-    folder = Path(os.path.realpath(given))
+    folder = without_links(given)
     each = check_names(place, folder)
-    if not each.is_dir():
+    if not is_folder(each):
         raise SettingError(f"{name}: found the file {each}, expected a folder {given}")
     _check_ours(place, each)
     check_outside(place, folder)
@@ -138,10 +209,24 @@ def check_outside(place: str, path: Path) -> None:
 
 def is_marked(folder: Path) -> bool:
     """Tell whether a folder has a store's header, of any version, whole or damaged."""
-    try:
-        return MAGIC.encode() in (folder / HEADER).read_bytes()
-    except OSError:
-        return False
+    return MAGIC.encode() in header_at(folder)
+
+
+def header_at(folder: Path) -> bytes:
+    """Read what a folder has for a store's header, of any version; nothing where it has none.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses to read it.
+    """
+    with calling(folder / HEADER, "reading"):
+        try:
+            return (folder / HEADER).read_bytes()
+        except OSError as error:
+            if error.errno in UNKNOWN:
+                return b""
+            raise
 
 
 def _mode(place: str, path: Path) -> int | None:

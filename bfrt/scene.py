@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import update_wrapper
 from inspect import signature
@@ -29,6 +29,7 @@ from bfrt.queries.answers import Out
 from bfrt.queries.question import Answer, Question
 from bfrt.queries.rays import Given
 from bfrt.records import Kind
+from bfrt.refusals import in_memory
 from bfrt.rendering import picture_of
 from bfrt.settings import FINEST, TREE, Settings
 from bfrt.store.extent import Bounds
@@ -251,6 +252,10 @@ class Scene:
         finally:
             self._busy.release()
 
+    def _inside(self, settings: Settings, doing: str) -> AbstractContextManager[None]:
+        """Name a lack of memory in a block by what is done, and the budget."""
+        return in_memory(f"{self.path}: {doing}", settings.memory)
+
     def framing_camera(
         self,
         *,
@@ -378,7 +383,7 @@ class Scene:
         view = View.of(self.store, camera, samples, depth, aovs)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
+        with reporting(progress) as report, self._inside(settings, "rendering"):
             plan = self._divide(self.store, settings, view.frame)
             self._make_room()
             with tracer_of(self.store, settings, plan) as tracer:
@@ -486,7 +491,7 @@ class Scene:
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
+        with reporting(progress) as report, self._inside(settings, "tracing rays"):
             question = Question(origins, directions, t_min, t_max, out, report)
             return casting.NEAREST.answer(self._session, question, settings)
 
@@ -546,7 +551,7 @@ class Scene:
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
+        with reporting(progress) as report, self._inside(settings, "tracing rays"):
             question = Question(origins, directions, t_min, t_max, out, report)
             return casting.ANY_HIT.answer(self._session, question, settings)
 
@@ -606,7 +611,7 @@ class Scene:
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
+        with reporting(progress) as report, self._inside(settings, "tracing rays"):
             question = Question(origins, directions, t_min, t_max, out, report)
             return casting.COUNT.answer(self._session, question, settings)
 
@@ -665,7 +670,7 @@ class Scene:
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
+        with reporting(progress) as report, self._inside(settings, "tracing rays"):
             question = Question(origins, directions, t_min, t_max, out, report)
             return casting.LIST.answer(self._session, question, settings)
 
@@ -711,7 +716,8 @@ def open_scene(path: PathLike) -> Scene:
     StreamError
         If the system refuses to read it.
     """
-    return Scene(open_store(path))
+    with in_memory(f"{path}: opening"):
+        return Scene(open_store(path))
 
 
 Asked = ParamSpec("Asked")

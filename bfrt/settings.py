@@ -14,7 +14,7 @@ import numpy as np
 
 from bfrt.errors import SettingError
 from bfrt.memory import default_memory, parse_memory
-from bfrt.paths import path_of
+from bfrt.paths import is_folder, path_of, without_links
 from bfrt.workers import usable_threads
 
 
@@ -150,7 +150,7 @@ def folder_of(name: str, value: str | os.PathLike[str]) -> Path:
         If it is not.
     """
     folder = path_of(name, value)
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise SettingError(f"{name}: found {folder}, expected a folder that is there")
     return folder
 
@@ -167,5 +167,5 @@ def scratch_folder(scratch: str | os.PathLike[str] | None, beside: Path) -> Path
     """
     if scratch is not None:
         return folder_of("scratch", scratch)
-    parent = beside.resolve().parent
+    parent = without_links(beside).parent
     return parent if os.access(parent, os.W_OK) else Path(tempfile.gettempdir())

@@ -220,10 +220,11 @@ def peak_rss() -> int:
 
     VmHWM where the system has it: ``ru_maxrss`` starts at the parent's.
     """
-    status = Path("/proc/self/status")
-    if status.exists():
-        for line in status.read_text().splitlines():
+    try:
+        for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024
+    except OSError:  # another system, or one that does not tell
+        pass
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024

@@ -6,8 +6,10 @@ import itertools
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from typing import Protocol, TypeVar
+
+from bfrt.threads import Pool
 
 Given = TypeVar("Given")
 Made = TypeVar("Made")
@@ -76,7 +78,7 @@ class Workers:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._pool = ThreadPoolExecutor(threads - 1, "bfrt") if threads > 1 else None
+        self._pool = Pool(threads - 1, "bfrt") if threads > 1 else None
 
     def run(self, task: Task, count: int, *, smallest: int = 1, largest: int = 8192) -> None:
         """Call `task` for every chunk of range(count); chunks have `smallest` to `largest`.
@@ -152,7 +154,7 @@ class Workers:
 
     def close(self) -> None:
         if self._pool is not None:
-            self._pool.shutdown()
+            self._pool.close()
 
 
 #: Results that wait for their turn, beside those that threads are at.
@@ -166,10 +168,12 @@ def ahead(
 
     Raises
     ------
+    ResourceError
+        If the system refuses a thread.
     Exception
         The exception that `make` raised, in its turn; no new work is begun after it.
     """
-    with ThreadPoolExecutor(threads, "bfrt-ahead") as pool:
+    with Pool(threads, "bfrt-ahead") as pool:
         pending: deque[Future[Made]] = deque()
         try:
             for thing in given:

@@ -9,7 +9,9 @@ ROOT = Path(__file__).parent.parent / "bfrt"
 
 #: From the ground up; what stands in one line may import from those before, and from itself.
 LAYERS = [
-    {"bits", "errors", "process", "records", "stats", "workers"},
+    {"bits", "errors", "process", "records", "stats", "thread_body"},
+    {"refusals", "threads"},
+    {"workers"},
     {"ids", "masks", "memory", "paths", "planned", "progress"},
     {"settings"},
     {"geometry"},

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from meshes import open_files
+from running import thread_names
 
 import bfrt
 from bfrt.records import Kind
@@ -86,7 +87,7 @@ def same(answer, other):
 
 def threads():
     """Workers of sessions."""
-    return sum(thread.name.startswith("bfrt") for thread in threading.enumerate())
+    return sum(name.startswith("bfrt") for name in thread_names())
 
 
 # --- what it tells -------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from bfrt.cli.spd import add_spd
 from bfrt.cli.store import add_info, add_verify
 from bfrt.errors import BfrtError, BudgetError, SettingError, StreamError
 from bfrt.process import ending_of, say, silence
+from bfrt.refusals import EXPECTED
 
 BAD_INPUT = 1
 WRONG_USE = 2
@@ -35,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return fail(error, WRONG_USE)
     except (BfrtError, OSError) as error:
         return fail(error, BAD_INPUT)
+    except MemoryError as error:
+        return fail(f"found no memory for {error or 'one more object'}, {EXPECTED}", BAD_INPUT)
     except KeyboardInterrupt as error:
         return fail(*ending_of(error))
     return 0

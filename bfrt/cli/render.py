@@ -19,6 +19,7 @@ from bfrt.image.picture import SUFFIXES
 from bfrt.paths import check_apart, check_file
 from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
+from bfrt.refusals import calling
 from bfrt.scene import Scene, open_scene
 from bfrt.settings import REFINEMENTS, scratch_folder
 from bfrt.streams.atomic_write import atomic_path, temporary_folder
@@ -86,7 +87,7 @@ def run_render(options: argparse.Namespace) -> None:
         image.save(output, half=options.half and output.lower().endswith(".exr"))
     assert image.stats is not None
     if options.stats is not None:
-        with atomic_path(options.stats) as path:
+        with atomic_path(options.stats) as path, calling(options.stats, "writing"):
             path.write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
     if options.table:
         print(image.stats.table())

@@ -15,6 +15,7 @@ from bfrt.conversion.sources import parse_spd
 from bfrt.errors import SettingError, StreamError
 from bfrt.paths import check_apart, check_file, check_folder
 from bfrt.process import say
+from bfrt.refusals import calling
 from bfrt.settings import at_least_one
 from bfrt.spd.mount import HASHES
 from bfrt.store.writer import check_new_store
@@ -52,6 +53,7 @@ def run_spd(options: argparse.Namespace) -> None:
     elif options.nff is not None:
         with (
             atomic_path(options.nff) as path,
+            calling(options.nff, "writing"),
             path.open("w") as file,
             bars("text", options.quiet) as progress,
         ):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -22,8 +23,9 @@ from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
-from bfrt.paths import path_of
+from bfrt.paths import facts_at, path_of, without_links
 from bfrt.progress import DoneReport, check_report, staged
+from bfrt.refusals import in_memory
 from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
 from bfrt.store.group import Order, checked_order
@@ -185,7 +187,7 @@ def convert(
     """
     order = checked_order(order)
     sources = sources_of(source)
-    beside = path_of("store", target).resolve().parent
+    beside = without_links(path_of("store", target)).parent
     check_report(progress)
     reading = Reading(
         radius=radius,
@@ -201,7 +203,8 @@ def convert(
     )
     budget = default_memory() if memory is None else parse_memory(memory)
     conversion = Conversion(sources, target, reading, budget, dtype, hierarchy, order, durable)
-    scene = write_scene(conversion, progress)
+    with in_memory(f"{conversion.names}: converting", budget):
+        scene = write_scene(conversion, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
@@ -272,8 +275,8 @@ def after(progress: Report | None, sources: Sequence[SceneSource]) -> Report | N
 
 def bytes_of(sources: Sequence[SceneSource]) -> int:
     """Return the bytes of those sources that are files."""
-    paths = [Path(source.name) for source in sources]
-    return sum(path.stat().st_size for path in paths if path.is_file())
+    files = [facts_at(Path(each.name)) for each in sources if isinstance(each, SceneFile)]
+    return sum(file.st_size for file in files if file is not None and stat.S_ISREG(file.st_mode))
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from bfrt.records import Kind
 from bfrt.scene import SceneWriter
 from bfrt.store.model import Camera, Light, Vector
+from bfrt.threads import Pool
 from bfrt.workers import usable_threads
 
 #: Blocks that wait to be written while the next is read.
@@ -56,7 +56,7 @@ class Behind:
 
     def __init__(self, sink: GroupSink) -> None:
         self._sink = sink
-        self._threads = ThreadPoolExecutor(usable_threads(), "bfrt-prepare")
+        self._threads = Pool(usable_threads(), "bfrt-prepare")
         self._pending: deque[Callable[[], object]] = deque()
         self._begun: set[Kind] = set()
         self.camera = sink.camera
@@ -107,4 +107,5 @@ class Behind:
             if kind is None:
                 self._wait(0)
         finally:
-            self._threads.shutdown(cancel_futures=True)
+            self._threads.cancel()
+            self._threads.close()

@@ -18,7 +18,7 @@ from bfrt.formats.ply.reader import read_ply
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report
 from bfrt.formats.stl import read_stl
-from bfrt.paths import HEADER, path_of
+from bfrt.paths import is_folder, is_there, path_of, without_links
 from bfrt.scene import PathLike
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
@@ -119,8 +119,7 @@ def is_store(source: PathLike) -> bool:
     """Tell whether a path is a scene store, or has the name of one."""
     path = path_of("source", source)
     return (
-        (path / HEADER).exists()
-        or path.suffix == ".bfrt"
-        or path.is_dir()
-        or (not path.exists() and restore(Path(os.path.realpath(path))))
+        path.suffix == ".bfrt"
+        or is_folder(path)
+        or (not is_there(path) and restore(without_links(path)))
     )

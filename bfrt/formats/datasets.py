@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError, SceneError
 from bfrt.formats.naming import within
-from bfrt.formats.origins import Origins, opened, refusal_of
+from bfrt.formats.origins import Origins, close, opened, refusal_of
 from bfrt.formats.source import Source, printable
 from bfrt.formats.table import Array, Column, Path, paths_of
 from bfrt.formats.trial import may_be_virtual, try_file
 
 
-def failure(source: Source, error: Exception, expected: str, place: str = "") -> BfrtError:
+def failure(
+    source: Source, error: Exception, expected: str, place: str = ""
+) -> BfrtError | MemoryError:
     """Return the exception for an error of HDF5: the system's refusal, where one caused it."""
     return refusal_of(error) or source.failure(error, expected, place)
 
@@ -143,7 +145,7 @@ class Datasets(Mapping[str, Array]):
     def close(self) -> None:
         """Close all files."""
         self._origins.close()
-        self._file.close()
+        close(self._file)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._listed)

@@ -50,6 +50,7 @@ from bfrt.formats.object_writer import SceneSink
 from bfrt.formats.source import CHUNK_BYTES
 from bfrt.formats.text import MOST_CORNERS
 from bfrt.records import Kind
+from bfrt.refusals import calling, closing, refused
 from bfrt.store.model import Camera, Light, Material, Vector
 
 BLOCK_OBJECTS = 16384
@@ -161,28 +162,23 @@ def _open(
     if not isinstance(source, (str, os.PathLike)):
         name = getattr(source, "name", None)
         return source, name if isinstance(name, str) else "<stream>"
-    try:
+    name = os.fspath(source)
+    with calling(name, "opening"):
         # Without a buffer: chunks are large, and it would only copy them.
-        stream = stack.enter_context(io.FileIO(os.fspath(source)))
-    except OSError as error:
-        raise _stream_error(os.fspath(source), 0, error, "opening") from error
-    return stream, os.fspath(source)
+        file = io.FileIO(name)
+    return stack.enter_context(closing(file, name)), name
 
 
 def _read_chunk(stream: BinaryIO, name: str, size: int, offset: int) -> bytes:
     try:
         chunk = stream.read(size)
     except OSError as error:
-        raise _stream_error(name, offset, error, "reading") from error
+        raise refused(name, offset, error, "reading") from error
     if chunk is None:  # a stream that does not block says so
         raise StreamError(name, offset, errno.EAGAIN, "reading")
     if not isinstance(chunk, bytes):
         raise TypeError(f"{name}: found a stream of {type(chunk).__name__}, expected bytes")
     return chunk
-
-
-def _stream_error(name: str, offset: int, error: OSError, doing: str) -> StreamError:
-    return StreamError(name, offset, error.errno or errno.EIO, doing)
 
 
 class _Reader:

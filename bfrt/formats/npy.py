@@ -155,7 +155,7 @@ class NpyArray:
         # Decompressors and NumPy's parser have many errors without a base of their own.
         try:
             yield
-        except BfrtError:
+        except (BfrtError, MemoryError):
             raise
         except Exception as error:
             raise SceneError(f"{self.name}: found {said(error)}, expected {expected}") from error

@@ -7,6 +7,7 @@ vertices alone has points.
 
 from __future__ import annotations
 
+import errno
 import logging
 import re
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, SettingError
+from bfrt.errors import SceneError, SettingError, StreamError
 from bfrt.formats._obj import Fault, Lines, Statement
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
@@ -25,6 +26,7 @@ from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import POINTS, RGB, Reading
 from bfrt.formats.source import Report, Source, quoted
 from bfrt.formats.text import MOST_CORNERS
+from bfrt.paths import is_file
 from bfrt.store.model import Material
 
 log = logging.getLogger(__name__)
@@ -189,9 +191,9 @@ class ObjMesh:
         folder = Path(self.name).parent
         whole = text.decode("utf-8", "surrogateescape")
         bare = unescaped(whole)
-        names = [name for name in (whole, bare) if is_file(folder / name)][:1]
+        names = [name for name in (whole, bare) if is_library(folder / name)][:1]
         names = names or [unescaped(name) for name in PARTING.split(whole) if name]
-        missing = [name for name in names if not is_file(folder / name)]
+        missing = [name for name in names if not is_library(folder / name)]
         for name in [bare] if len(missing) == len(names) > 0 else missing:
             if name not in self._missing:
                 self._missing.add(name)
@@ -211,12 +213,22 @@ def unescaped(name: str) -> str:
     return name.replace("\\ ", " ")
 
 
-def is_file(path: Path) -> bool:
-    """Tell whether a path is a file; a name that no file can have is none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
+def is_library(path: Path) -> bool:
+    """Tell whether a path is a file; a name that no file can have is none.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses to say it: then there may be one.
+    """
+    if "\0" in str(path):
         return False
+    try:
+        return is_file(path)
+    except StreamError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            return False
+        raise
 
 
 def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:

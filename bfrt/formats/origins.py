@@ -24,6 +24,7 @@ import h5py
 from h5py import h5d, h5f, h5i, h5o, h5s
 
 from bfrt.errors import SceneError, ShortReadError, StreamError
+from bfrt.refusals import calling
 
 #: Virtual datasets over virtual ones, at the most.
 DEEPEST = 16
@@ -42,6 +43,18 @@ REFUSED = {
     "opening": r"unable to open file: name = '(.*?)', errno = (\d+),()",
     "reading": r"file read failed: .*filename = '(.*?)', .* errno = (\d+), .* offset = (\d+)",
 }
+
+#: What it says where the system refuses to close one.
+CLOSING = r"unable to close file, errno = \d+"
+
+
+def close(held: Any) -> None:
+    """Close what HDF5 has open; a file that was only read has nothing to lose by a refusal."""
+    try:
+        held.close()
+    except (RuntimeError, OSError) as error:
+        if not re.search(CLOSING, str(error)):
+            raise
 
 
 def refusal_of(error: Exception) -> StreamError | None:
@@ -130,14 +143,15 @@ class Origins:
         ShortReadError
         """
         for descriptor, file in self._files.items():
-            left = os.fstat(descriptor).st_size
+            with calling(file.name, "examining"):
+                left = os.fstat(descriptor).st_size
             if left < file.size:
                 raise ShortReadError(file.name, left, file.size - left, 0)
 
     def close(self) -> None:
         """Close all files."""
         for held in (*self._named.values(), *(file.id for file in self._files.values())):
-            held.close()
+            close(held)
         self._named.clear()
         self._files.clear()
 
@@ -145,8 +159,10 @@ class Origins:
         """Keep a file open; return its name, size and id."""
         descriptor = file.get_vfd_handle()
         if descriptor not in self._files:
-            size = os.fstat(descriptor).st_size
-            self._files[descriptor] = Opened(os.fsdecode(h5f.get_name(file)), size, file)
+            name = os.fsdecode(h5f.get_name(file))
+            with calling(name, "examining"):
+                size = os.fstat(descriptor).st_size
+            self._files[descriptor] = Opened(name, size, file)
         return self._files[descriptor]
 
     def _add_parts(self, plist: Any, k: int, home: Opened, place: str, outer: Any) -> None:

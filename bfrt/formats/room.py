@@ -13,8 +13,9 @@ import stat
 from pathlib import Path
 from typing import NamedTuple
 
-from bfrt.errors import BudgetError
+from bfrt.errors import BudgetError, StreamError
 from bfrt.memory import BASELINE, format_memory
+from bfrt.paths import UNKNOWN, facts_at
 
 #: The fewest bytes of vertices that are worth a pass over a mesh that has more of them.
 FEWEST = 8 << 20
@@ -122,8 +123,14 @@ def rooms_for(needs: list[Need], memory: int) -> list[int]:
 
 def size_of(name: str) -> float:
     """Return a file's bytes; infinity for standard input, 0 for a file that cannot be looked at."""
+    if name == "-":
+        return math.inf
     try:
-        found = Path(name).stat()
-    except (OSError, ValueError):  # which its reader tells
-        return 0 if name != "-" else math.inf
+        found = facts_at(Path(name))
+    except StreamError as error:
+        if error.errno not in UNKNOWN:
+            raise
+        found = None
+    if found is None:  # which its reader tells
+        return 0
     return found.st_size if stat.S_ISREG(found.st_mode) else math.inf

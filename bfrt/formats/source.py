@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from bfrt.errors import BfrtError, SceneError, ShortReadError, StreamError
 from bfrt.formats.encoding import MARK_BYTES, MARKS, Decoder, mark_of
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import calling, give_up, refused
 
 #: Bytes of text that are parsed at once.
 CHUNK_BYTES = 1 << 20
@@ -56,18 +56,24 @@ class Source:
         self.at = 0
         self.report = report
         self._refused: StreamError | None = None
-        try:
+        with calling(self.name, "opening"):
             self._file = io.FileIO(self.name)
-            self.size = os.fstat(self._file.fileno()).st_size
-        except OSError as error:
-            raise refused(self.name, 0, error, "opening") from error
+            try:
+                self.size = os.fstat(self._file.fileno()).st_size
+            except OSError:
+                give_up(self._file)
+                raise
 
     def seek(self, offset: int, whence: int = 0, /) -> int:
         """Go on at a byte: from the begin, from here (1) or from the end (2)."""
         at = offset + (0, self.at, self.size)[whence]
         if not 0 <= at < 1 << 63:
             raise OSError(errno.EINVAL, f"byte {at}")
-        self._file.seek(at)
+        try:
+            self._file.seek(at)
+        except OSError as error:
+            self._refused = refused(self.name, at, error, "seeking")
+            raise self._refused from error
         self.at = at
         return at
 
@@ -223,16 +229,19 @@ class Source:
         ends = max(tail.rfind(blank) for blank in (b" ", b"\n", b"\t", b"\r"))
         return len(text) - len(tail) + ends + 1
 
-    def failure(self, error: BaseException, expected: str, place: str = "") -> BfrtError:
+    def failure(
+        self, error: BaseException, expected: str, place: str = ""
+    ) -> BfrtError | MemoryError:
         """Return the exception for an error of reading: the system's refusal if that is why."""
-        if isinstance(error, BfrtError):
+        if isinstance(error, (BfrtError, MemoryError)):
             return error
         return self._refused or SceneError(
             f"{self.name}: {place}found {said(error)}, expected {expected}"
         )
 
     def close(self) -> None:
-        self._file.close()
+        with calling(self.name, "closing", self.at):
+            self._file.close()
 
     def __enter__(self) -> Source:
         return self

@@ -44,8 +44,9 @@ from bfrt.errors import ShortReadError, StoreError, StreamError
 from bfrt.grid._coding import MOST_CODED, decode, encode
 from bfrt.grid.bricks import BRICK, BRICK_BYTES
 from bfrt.grid.marks_home import is_believed, is_inside, prepare_home
+from bfrt.refusals import calling, refused
 from bfrt.store.store import Group, Store
-from bfrt.streams.atomic_write import atomic_own_path, put, refused
+from bfrt.streams.atomic_write import atomic_own_file, put
 from bfrt.streams.ownership import is_named
 from bfrt.streams.reader import Reader, SharedFile
 
@@ -184,7 +185,11 @@ class MarksWriter:
         self._file, self._path = file, path
         self._layer = 0
         self._coded = np.empty(CODED * MOST_CODED, np.uint8)
-        file.seek(layout.data_at)
+        self._go(layout.data_at)
+
+    def _go(self, at: int) -> None:
+        with calling(self._path, "seeking", at):
+            self._file.seek(at)
 
     def add(self, bricks: Bytes, occupied: Bytes) -> None:
         """Add the next layer: its bricks (n, 512), and which are kept, (rows, bricks of a row)."""
@@ -203,7 +208,7 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
     """Yield a writer of marks, whose file takes its name when all layers are written."""
     prepare_home(path, store)
     mode = 0o666 if is_inside(path, store) else 0o600
-    with atomic_own_path(path, mode) as temporary, temporary.open("wb", buffering=0) as file:
+    with atomic_own_file(path, mode) as file:
         writer = MarksWriter(file, path, layout)
         yield writer
         kept = int(writer.occupied.sum())
@@ -213,10 +218,10 @@ def writing_marks(path: Path, store: Store, layout: Layout) -> Iterator[MarksWri
             MAGIC, MARKS_VERSION, *layout.shape, layout.axis, store.checksum, kept, layout.boxes,
             zlib.crc32(tables),
         )  # fmt: skip
-        file.seek(0)
+        writer._go(0)
         put(file, header + CRC.pack(zlib.crc32(header)) + tables, path)
         made = writer.occupied, writer.crcs, writer.sizes
-        writer.marks = Marks(path, layout, *made, SharedFile(temporary))
+        writer.marks = Marks(path, layout, *made, SharedFile(Path(file.name)))
 
 
 def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:

@@ -20,8 +20,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bfrt.errors import BfrtError
+from bfrt.paths import is_folder, without_links
+from bfrt.refusals import refused
 from bfrt.store.store import Group, Store, open_store
-from bfrt.streams.atomic_write import atomic_own_path, refused
+from bfrt.streams.atomic_write import atomic_own_file, put
 from bfrt.streams.ownership import FILE, FOLDER, parsed, stem_of
 from bfrt.streams.private_folder import cache_folder, is_private, make_private, user
 
@@ -43,9 +45,9 @@ def marks_path(store: Store, group: Group, scratch: Path | None) -> Path:
         The scratch folder, if one is asked for.
     """
     home = store.path / str(group.number)
-    if os.access(home if home.is_dir() else store.path, os.W_OK):
+    if os.access(home if is_folder(home) else store.path, os.W_OK):
         return home / "marks"
-    name = stem_of(Path(os.path.realpath(store.path)).name)
+    name = stem_of(without_links(store.path).name)
     return home_in(scratch) / f"{name}-{store.checksum:08x}" / f"{group.number}.marks"
 
 
@@ -82,11 +84,8 @@ def prepare_home(path: Path, store: Store) -> None:
     for folder in (path.parent.parent, path.parent):
         make_private(folder)
     place = path.parent / PLACE
-    with atomic_own_path(place, 0o600) as file:
-        try:
-            file.write_bytes(os.fsencode(os.path.realpath(store.path)))
-        except OSError as error:
-            raise refused(place, 0, error, "writing") from error
+    with atomic_own_file(place, 0o600) as file:
+        put(file, os.fsencode(without_links(store.path)), place)
 
 
 def stale(home: Path) -> Iterator[Path]:

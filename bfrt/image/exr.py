@@ -21,7 +21,9 @@ import numpy.typing as npt
 import OpenEXR
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.streams.atomic_write import DISK_FULL, atomic_path, refused
+from bfrt.image.exr_table import check_chunks
+from bfrt.refusals import DISK_FULL, refused
+from bfrt.streams.atomic_write import atomic_path
 
 Band = Mapping[str, npt.NDArray[Any]]
 
@@ -91,6 +93,7 @@ def write_exr(
                 row += count
         if row != height:
             raise SettingError(f"{path}: found {row} rows, expected {height}")
+        check_chunks(temporary, height, path)
         _check_end(temporary, next(iter(types)), height, path)
 
 
@@ -170,18 +173,15 @@ def _write(
 
 
 def _check_end(temporary: Path, channel: str, height: int, path: str | os.PathLike[str]) -> None:
-    """Read the last row back: OpenEXR's close cannot say that its last bytes found no room."""
+    """Read the last row back, which was written last."""
     try:
         file = OpenEXR.InputFile(os.fsencode(temporary))
         try:
-            complete = file.isComplete()
             file.channel(channel, scanLine1=height - 1, scanLine2=height - 1)
         finally:
             file.close()
     except OSError as error:
         raise _translated(error, temporary, path) from error
-    if not complete:
-        raise StreamError(path, temporary.stat().st_size, errno.EIO, "closing")
 
 
 def _translated(error: OSError, temporary: Path, path: str | os.PathLike[str]) -> StreamError:
@@ -189,4 +189,7 @@ def _translated(error: OSError, temporary: Path, path: str | os.PathLike[str]) -
     number = next(
         (n for n in (*DISK_FULL, *errno.errorcode) if os.strerror(n) in str(error)), errno.EIO
     )
-    return refused(path, temporary.stat().st_size, OSError(number, str(error)), "writing")
+    written = 0
+    with contextlib.suppress(OSError):  # it is the place of an error, not another
+        written = temporary.stat().st_size
+    return refused(path, written, OSError(number, str(error)), "writing")

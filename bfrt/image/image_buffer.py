@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bfrt.refusals import calling
 from bfrt.streams.atomic_write import nameless
 from bfrt.streams.writer import write_all
 
@@ -30,6 +31,7 @@ class ImageBuffer:
     def __init__(self, width: int, height: int, scratch: Path | None = None) -> None:
         self._shape = (height, width)
         self._scratch = scratch
+        self._path = (scratch or Path()) / "image"  # by which errors name what has no name
         self._row = 0
         self._channels: Channels = {}
         self._file: Any = None
@@ -39,7 +41,7 @@ class ImageBuffer:
         if self._scratch is None:
             self._keep(band)
         else:
-            self._write(band, self._scratch)
+            self._write(band)
         self._row += len(next(iter(band.values())))
 
     def _keep(self, band: Channels) -> None:
@@ -48,28 +50,28 @@ class ImageBuffer:
                 self._channels[name] = np.empty(self._shape, rows.dtype)
             self._channels[name][self._row : self._row + len(rows)] = rows
 
-    def _write(self, band: Channels, scratch: Path) -> None:
+    def _write(self, band: Channels) -> None:
         if self._file is None:
-            self._file = nameless(scratch, scratch / "image")
+            self._file = nameless(self._path.parent, self._path)
             self._types = {name: rows.dtype for name, rows in band.items()}
         height, width = self._shape
         for number, rows in enumerate(band.values()):
             # Every channel has 4 bytes a pixel.
             at = (number * height + self._row) * width * 4
-            self._file.seek(at)
-            write_all(self._file.fileno(), np.ascontiguousarray(rows), scratch / "image", at)
+            with calling(self._path, "seeking", at):
+                self._file.seek(at)
+            write_all(self._file.fileno(), np.ascontiguousarray(rows), self._path, at)
 
     def channels(self) -> Channels:
         """Return the finished picture; arrays on disk are read on demand."""
         if self._file is None:
             return self._channels
-        height, width = self._shape
-        return {
-            name: np.memmap(
-                self._file, dtype, mode="r", offset=number * height * width * 4, shape=self._shape
-            )
-            for number, (name, dtype) in enumerate(self._types.items())
-        }
+        size = self._shape[0] * self._shape[1] * 4
+        with calling(self._path, "mapping"):
+            return {
+                name: np.memmap(self._file, dtype, "r", number * size, self._shape)
+                for number, (name, dtype) in enumerate(self._types.items())
+            }
 
 
 def forget(pixels: npt.NDArray[Any]) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,10 @@ from bfrt.image.exr import write_exr
 from bfrt.image.image_buffer import forget
 from bfrt.image.png import encode_png, write_png
 from bfrt.masks import is_masked
-from bfrt.paths import check_outside, path_of
+from bfrt.paths import check_outside, path_of, without_links
+from bfrt.refusals import in_memory
 from bfrt.stats import Stats
-from bfrt.streams.atomic_write import atomic_path, put
+from bfrt.streams.atomic_write import write_parts
 
 SUFFIXES = (".exr", ".png", ".npy")
 BAND_BYTES = 1 << 24
@@ -129,23 +130,22 @@ class Image:
             )
         if half and suffix != ".exr":
             raise SettingError(f"{path}: found half=True for {suffix}, expected it only for .exr")
-        check_outside(str(file), Path(os.path.realpath(file)).parent)
-        if suffix == ".exr":
-            write_exr(path, self.width, self.height, self._bands(), self.metadata, half=half)
-        elif suffix == ".png":
-            write_png(path, self.width, self.height, self._bands())
-        else:
-            self._write_npy(path)
+        check_outside(str(file), without_links(file).parent)
+        with in_memory(f"{path}: saving"):
+            if suffix == ".exr":
+                write_exr(path, self.width, self.height, self._bands(), self.metadata, half=half)
+            elif suffix == ".png":
+                write_png(path, self.width, self.height, self._bands())
+            else:
+                self._write_npy(path)
 
     def _write_npy(self, path: str | os.PathLike[str]) -> None:
         layout = {"descr": "<f4", "fortran_order": False, "shape": (*self.shape, 4)}
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, layout)
-        with atomic_path(path) as temporary, temporary.open("wb", buffering=0) as file:
-            put(file, header.getvalue(), path)
-            for band in self._bands():
-                pixels = np.stack([band[name] for name in "RGBA"], axis=-1)
-                put(file, pixels.astype("<f4", copy=False).tobytes(), path)
+        stacked = (np.stack([band[name] for name in "RGBA"], axis=-1) for band in self._bands())
+        rows = (pixels.astype("<f4", copy=False).tobytes() for pixels in stacked)
+        write_parts(path, itertools.chain([header.getvalue()], rows))
 
     def _bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
         """Yield the channels by bands of rows, so that saving takes a copy of a band only."""

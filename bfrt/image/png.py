@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import SettingError
-from bfrt.streams.atomic_write import atomic_path, put
+from bfrt.streams.atomic_write import write_parts
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHUNK_BYTES = 1 << 16
@@ -67,9 +67,7 @@ def write_png(
     StreamError
         If the system refuses a write; `DiskFullError` where it has no room.
     """
-    with atomic_path(path) as temporary, temporary.open("wb", buffering=0) as file:
-        for part in encode_png(width, height, rows):
-            put(file, part, path)
+    write_parts(path, encode_png(width, height, rows))
 
 
 def encode_png(

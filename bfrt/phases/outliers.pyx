@@ -44,7 +44,7 @@ cdef class Outliers:
         self.order = order
         self.outliers = <Outlier*>PyMem_RawMalloc(max(1, len(group.outliers)) * sizeof(Outlier))
         if self.outliers == NULL:
-            raise MemoryError("outliers")
+            raise MemoryError("a list of outliers")
         streams = {stream.number: stream for stream in group.streams}
         for id in group.outliers:
             index, stream = index_of(id), streams[stream_of(id)]

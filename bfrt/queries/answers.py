@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack
+from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
@@ -15,10 +16,13 @@ from numpy.typing import NDArray
 from bfrt.errors import SettingError
 from bfrt.masks import is_masked
 from bfrt.paths import check_folder
+from bfrt.queries.answer_files import answer_paths
 from bfrt.records import plain
-from bfrt.streams.atomic_write import atomic_paths, refused
+from bfrt.refusals import calling, closing
+from bfrt.streams.atomic_write import put
 from bfrt.streams.bucket_sort import buckets_of, gathered
 from bfrt.streams.spool import Spool
+from bfrt.streams.writer import view_of
 
 #: Rows of an answer that are put together at once.
 ROWS = 65536
@@ -156,7 +160,7 @@ class Columns:
     def __init__(self, shapes: Shapes, out: Out | None) -> None:
         self._shapes = shapes
         self._folder = Path(os.fsdecode(out)) if isinstance(out, (str, os.PathLike)) else None
-        self._files: dict[str, BinaryIO] = {}
+        self._files: dict[str, FileIO] = {}
         self._stack = ExitStack()
         self._done = dict.fromkeys(shapes, 0)
         given = out if isinstance(out, Mapping) else {}
@@ -169,19 +173,24 @@ class Columns:
     def __enter__(self) -> Columns:
         if self._folder is not None:
             with ExitStack() as stack:
-                stack.enter_context(made_folder(self._folder))
                 self._open(self._folder, stack)
                 self._stack = stack.pop_all()
         return self
 
     def _open(self, folder: Path, stack: ExitStack) -> None:
         """Create the files, aside."""
-        paths = stack.enter_context(atomic_paths([folder / file_of(key) for key in self._shapes]))
+        names = [file_of(key) for key in self._shapes]
+        paths = stack.enter_context(answer_paths(folder, names))
         for path, (key, (shape, dtype)) in zip(paths, self._shapes.items(), strict=True):
-            file = stack.enter_context(path.open("wb"))
+            with calling(folder / path.name, "creating"):
+                made = path.open("wb", buffering=0)
+            file = stack.enter_context(closing(made, folder / file_of(key)))
             descr = npy.dtype_to_descr(np.dtype(dtype))
-            header = {"descr": descr, "fortran_order": False, "shape": shape}
-            npy.write_array_header_1_0(file, header)
+            head = BytesIO()
+            npy.write_array_header_1_0(
+                head, {"descr": descr, "fortran_order": False, "shape": shape}
+            )
+            put(file, head.getvalue(), folder / file_of(key))
             self._files[key] = file
 
     def __exit__(self, *error: Any) -> None:
@@ -202,12 +211,9 @@ class Columns:
         """Take the next rows of some of the arrays."""
         for key, values in block.items():
             if key in self._files:
-                dtype = self._shapes[key][1]
-                try:
-                    self._files[key].write(np.ascontiguousarray(values, dtype).tobytes())
-                except OSError as error:
-                    assert self._folder is not None
-                    raise refused(self._folder / file_of(key), 0, error, "writing") from error
+                assert self._folder is not None
+                data = np.ascontiguousarray(values, self._shapes[key][1])
+                put(self._files[key], view_of(data), self._folder / file_of(key))
             else:
                 first = self._done[key]
                 self._done[key] = first + len(values)
@@ -218,21 +224,8 @@ class Columns:
         """Return the arrays filled; files are mapped."""
         if self._folder is None:
             return self._arrays
-        return {key: np.load(self._folder / file_of(key), mmap_mode="r") for key in self._shapes}
-
-
-@contextmanager
-def made_folder(folder: Path) -> Iterator[None]:
-    """Make a folder, with those above it; if what is done in it fails, remove those made."""
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
-    try:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise refused(folder, 0, error, "creating") from error
-        yield
-    except BaseException:
-        for each in missing:
-            with suppress(OSError):  # not there, or others put something in
-                each.rmdir()
-        raise
+        found = {}
+        for key in self._shapes:
+            with calling(self._folder / file_of(key), "mapping"):
+                found[key] = np.load(self._folder / file_of(key), mmap_mode="r")
+        return found

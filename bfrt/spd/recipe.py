@@ -12,13 +12,13 @@ import math
 import operator
 import os
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import Cancelled, SettingError
+from bfrt.paths import is_there, without_links
 from bfrt.progress import DoneReport, check_report, is_no, staged
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
@@ -246,8 +246,8 @@ class SpdScene(abc.ABC):
             If `progress` returned False. Nothing is left behind.
         """
         check_report(progress)
-        target = Path(os.path.realpath(check_new_store(path)))
-        folder = next(each for each in target.parents if each.exists())
+        target = without_links(check_new_store(path))
+        folder = next(each for each in target.parents if is_there(each))
         check_free(folder, self.room(order), "writing")
         with SceneWriter(
             path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy,

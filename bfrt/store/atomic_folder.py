@@ -12,14 +12,16 @@ import contextlib
 import errno
 import logging
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from bfrt.streams.atomic_write import refused, sync_folder
+from bfrt.paths import without_links
+from bfrt.refusals import calling, refused
+from bfrt.streams.atomic_write import sync_folder
 from bfrt.streams.exchange import exchange
 from bfrt.streams.litter import sweep
 from bfrt.streams.ownership import FOLDER, Owned, create_folder, lock, look_at
+from bfrt.streams.removal import remove_folder
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +51,7 @@ class AtomicFolder:
     def __init__(self, path: Path, durable: bool) -> None:
         self.path = path
         self.durable = durable
-        self.target = Path(os.path.realpath(path))
+        self.target = without_links(path)
         self._own: Owned | None = None
 
     @property
@@ -70,12 +72,10 @@ class AtomicFolder:
 
     def create(self) -> None:
         """Create it aside, with the folders above it; litter there goes first."""
-        try:
+        with calling(self.target, "creating"):
             self.target.parent.mkdir(parents=True, exist_ok=True)
             sweep(self.target.parent)
             self._own = create_folder(self.target)
-        except OSError as error:
-            raise refused(self.target, 0, error, "creating") from error
 
     def sync(self) -> None:
         """Make the entries of all its folders durable, where that is wanted."""
@@ -94,14 +94,9 @@ class AtomicFolder:
                 if isinstance(error, OSError):
                     raise refused(self.path, 0, error, "renaming to it") from error
                 raise
-            try:
-                for replaced in (self.aside, self.old):
-                    if os.path.lexists(replaced):
-                        shutil.rmtree(replaced)
-            except OSError as error:
-                log.warning(
-                    "%s: the store that was replaced could not be removed: %s", replaced, error
-                )
+            for replaced in (self.aside, self.old):
+                if (refusal := remove_folder(replaced)) is not None:
+                    log.warning("%s: what was replaced could not be removed: %s", replaced, refusal)
         self.own.release()
 
     @contextlib.contextmanager
@@ -156,5 +151,5 @@ class AtomicFolder:
         if os.path.lexists(self.old) and not os.path.lexists(self.target):
             self._own.release()
         else:
-            shutil.rmtree(self.old, ignore_errors=True)
+            remove_folder(self.old)
             self._own.remove()

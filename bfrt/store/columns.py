@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, ShortReadError
 from bfrt.ids import object_id, stream_number
 from bfrt.records import BOX_BYTES, SCALARS, Kind
+from bfrt.refusals import refused
 from bfrt.store._bounds import bound
 from bfrt.store.extent import Extent
 from bfrt.store.header import facts_of
@@ -24,7 +25,6 @@ from bfrt.store.material_column import READ_BACK_AT_ONCE, MaterialColumn
 from bfrt.store.model import Vector
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Layout, id_bytes_of
-from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 from bfrt.workers import ahead, usable_threads
 

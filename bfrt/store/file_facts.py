@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bfrt.errors import StoreError
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import refused
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from bfrt.errors import SceneError, SettingError
 from bfrt.ids import index_of, object_id, stream_of
 from bfrt.progress import Passes
 from bfrt.records import Kind
+from bfrt.refusals import refused
 from bfrt.store.columns import Prepared, StreamWriter
 from bfrt.store.extent import Bounds, Extent
 from bfrt.store.header import facts_of
@@ -22,7 +23,6 @@ from bfrt.store.model import Vector
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.order import Ordering
 from bfrt.store.store import bounds_to
-from bfrt.streams.atomic_write import refused
 
 #: The order in which a store keeps its objects.
 Order = Literal["given", "spatial", "auto"]

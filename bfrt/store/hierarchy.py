@@ -34,8 +34,8 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
 from bfrt.records import CODE_BYTES, PARENT
+from bfrt.refusals import refused
 from bfrt.store._hierarchy import MOST_LEVELS, Merger, quantise
-from bfrt.streams.atomic_write import refused
 from bfrt.streams.writer import FileWriter
 
 #: The most objects of a box of the first level, where theirs are quantised in it: so many wait

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import refused
 from bfrt.streams.writer import FileWriter
 
 #: Objects that are read back at once: their materials, to be written in wider integers, or boxes.

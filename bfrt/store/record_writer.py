@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SettingError
 from bfrt.progress import DoneReport, Passes, staged
 from bfrt.records import KIND_BITS, STREAM_BITS, Kind
+from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.columns import Prepared, prepare
 from bfrt.store.coordinates import Coordinates
@@ -303,7 +304,8 @@ class RecordWriter:
         """Give the store up if the block does not end well."""
         self._check_open()
         try:
-            yield
+            with in_memory(f"{self._folder.path}: writing"):
+                yield
         except BaseException:
             self.abandon()
             raise

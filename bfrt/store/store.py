@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
 from bfrt.ids import index_of, stream_number, stream_of
-from bfrt.paths import HEADER, MAGIC, path_of
+from bfrt.paths import HEADER, MAGIC, header_at, path_of, without_links
 from bfrt.records import (
     BOX_BYTES,
     CODE_BYTES,
@@ -46,12 +46,12 @@ from bfrt.records import (
     TREELET_BYTES,
     Kind,
 )
+from bfrt.refusals import refused
 from bfrt.store.extent import NOTHING, Bounds
 from bfrt.store.file_facts import FileFacts, check_size, checksum_of, damaged
 from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
-from bfrt.streams.atomic_write import refused
 from bfrt.streams.litter import restore
 
 VERSION = 5
@@ -274,7 +274,7 @@ def _data_of(file: Path) -> bytes:
     try:
         return file.read_bytes()
     except FileNotFoundError:
-        if not restore(Path(os.path.realpath(file.parent))):
+        if not restore(without_links(file.parent)):
             raise
     return file.read_bytes()
 
@@ -282,8 +282,8 @@ def _data_of(file: Path) -> bytes:
 def has_magic(path: Path) -> bool:
     """Tell whether a directory is a scene store of any version, which another may replace."""
     try:
-        return bool(json.loads((path / HEADER).read_bytes())["magic"] == MAGIC)
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return bool(json.loads(header_at(path))["magic"] == MAGIC)
+    except (ValueError, KeyError, TypeError, RecursionError):
         return False
 
 

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.paths import HEADER, MAGIC, check_names, check_outside, path_of
+from bfrt.paths import HEADER, MAGIC, check_names, check_outside, is_there, path_of, without_links
 from bfrt.progress import DoneReport
 from bfrt.records import Kind
+from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of, triple_of
@@ -46,8 +47,8 @@ def check_new_store(path: str | os.PathLike[str]) -> Path:
         If it is something else than a store, or in one, or has too long a name.
     """
     given = path_of("store", path)
-    target = Path(os.path.realpath(given))
-    if os.path.lexists(target) and not has_magic(target):
+    target = without_links(given)
+    if is_there(target) and not has_magic(target):
         raise SettingError(f"{given}: exists and is no scene store: it is not replaced")
     check_outside(str(given), target.parent)
     check_names(str(given), target)
@@ -351,21 +352,19 @@ class StoreWriter(RecordWriter):
         """
         self._check_open()
         try:
-            self._put(HEADER, self._header(progress))
-            self._folder.sync()
-            open_store(self._folder.aside)  # what replaces a store is whole
-            self._folder.take_name()
+            with in_memory(f"{self.path}: completing"):
+                self._put(HEADER, self._header(progress))
+                self._folder.sync()
+                open_store(self._folder.aside)  # what replaces a store is whole
+                self._folder.take_name()
         except BaseException:
             self.abandon()
             raise
         self._open = False
         degenerate = sum(s.degenerate for g in self._groups for s in g.streams.values())
         if degenerate:
-            log.warning(
-                "%s: %d degenerate objects (no length, no area) are kept and never hit",
-                self.path,
-                degenerate,
-            )
+            told = "%s: %d degenerate objects (no length, no area) are kept and never hit"
+            log.warning(told, self.path, degenerate)
         return open_store(self.path)
 
     def _header(self, progress: DoneReport | None = None) -> dict[str, Any]:

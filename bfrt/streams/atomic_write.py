@@ -12,17 +12,15 @@ import contextlib
 import errno
 import io
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from bfrt.errors import DiskFullError, SettingError, StreamError
-from bfrt.paths import path_of
+from bfrt.errors import SettingError, StreamError
+from bfrt.paths import is_file, mode_at, path_of, without_links
+from bfrt.refusals import DISK_FULL, calling, closing, refused
 from bfrt.streams.litter import sweep
 from bfrt.streams.ownership import Owned, create_file, create_folder
-
-#: What the system says when there is no room: the disk's, and the user's where there are quotas.
-DISK_FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
-
+from bfrt.streams.removal import remove_file
 
 #: What it says where folders cannot be synced: some network file systems, and folders that one
 #: may write to and not read.
@@ -69,13 +67,6 @@ def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
 
 
 @contextlib.contextmanager
-def atomic_own_path(path: Path, mode: int = 0o666) -> Iterator[Path]:
-    """Do as `atomic_path` for a file of ours, where a link is no wish: it is replaced."""
-    with _written([path], mode) as (temporary,):
-        yield temporary
-
-
-@contextlib.contextmanager
 def _written(targets: Sequence[Path], mode: int = 0o666) -> Iterator[list[Path]]:
     owned: list[Owned] = []
     temporaries: list[Path] = []
@@ -86,7 +77,7 @@ def _written(targets: Sequence[Path], mode: int = 0o666) -> Iterator[list[Path]]
             temporaries.append(owned[-1].path)
         yield temporaries
         for temporary in temporaries:
-            _sync(temporary, os.O_RDWR)
+            sync_file(temporary)
         for temporary, target in zip(temporaries, targets, strict=True):
             renamed.append(target)
             _rename(temporary, target)
@@ -101,6 +92,53 @@ def _written(targets: Sequence[Path], mode: int = 0o666) -> Iterator[list[Path]]
             each.release()
     for folder in {target.parent for target in targets}:
         sync_folder(folder)
+
+
+@contextlib.contextmanager
+def atomic_file(path: str | os.PathLike[str]) -> Iterator[io.FileIO]:
+    """Give a file to write to, unbuffered, which becomes `path` when the block ends well.
+
+    Its ``name`` is the temporary one. What the block raises, and what the system refuses, is as
+    with `atomic_path`.
+    """
+    with atomic_path(path) as temporary, _opened(temporary, path) as file:
+        yield file
+
+
+@contextlib.contextmanager
+def atomic_own_file(path: Path, mode: int = 0o666) -> Iterator[io.FileIO]:
+    """Do as `atomic_file` for a file of ours, where a link is no wish: it is replaced."""
+    with _written([path], mode) as (temporary,), _opened(temporary, path) as file:
+        yield file
+
+
+def write_parts(path: str | os.PathLike[str], parts: Iterable[bytes]) -> None:
+    """Write a file of parts, whole or not at all, and look whether it has them all.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses; `DiskFullError` where it has no room.
+    """
+    with atomic_path(path) as temporary:
+        written = 0
+        with _opened(temporary, path) as file:
+            for part in parts:
+                put(file, part, path)
+                written += len(part)
+        with calling(path, "examining"):
+            found = temporary.stat().st_size
+        if found != written:
+            raise StreamError(path, found, errno.EIO, f"writing {written} bytes, of which it ends")
+
+
+@contextlib.contextmanager
+def _opened(temporary: Path, path: str | os.PathLike[str]) -> Iterator[io.FileIO]:
+    """Open a temporary file to write to; `path` is what errors call it."""
+    with calling(path, "opening"):
+        opened = temporary.open("wb", buffering=0)
+    with closing(opened, path) as file:
+        yield file
 
 
 def nameless(folder: Path, path: Path) -> io.FileIO:
@@ -167,6 +205,11 @@ def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str])
         raise refused(path, file.tell(), error, "writing") from error
 
 
+def sync_file(path: Path) -> None:
+    """Make a file's contents durable; `StreamError` if the system refuses."""
+    _sync(path, os.O_RDWR)
+
+
 def sync_folder(folder: Path) -> None:
     """Make a folder's entries durable; `StreamError` if the system refuses."""
     if not hasattr(os, "O_DIRECTORY"):  # where a folder cannot be opened it need not be
@@ -178,19 +221,10 @@ def sync_folder(folder: Path) -> None:
             raise
 
 
-def refused(path: str | os.PathLike[str], offset: int, error: OSError, doing: str) -> StreamError:
-    """Return a `StreamError` or `DiskFullError` for a system error; a StreamError stays itself."""
-    if isinstance(error, StreamError):
-        return error
-    number = error.errno or errno.EIO
-    kind = DiskFullError if number in DISK_FULL else StreamError
-    return kind(path, offset, number, doing)
-
-
 def _target(path: str | os.PathLike[str]) -> Path:
     """Return the file that a path stands for, a link's target."""
-    target = Path(os.path.realpath(path_of("output", path)))
-    if target.exists() and not target.is_file():
+    target = without_links(path_of("output", path))
+    if mode_at(target) and not is_file(target):
         raise SettingError(f"{path}: found something else than a file, expected a file or nothing")
     return target
 
@@ -207,8 +241,7 @@ def _take_back(temporaries: list[Path], renamed: list[Path]) -> None:
     named = zip(temporaries, renamed, strict=False)
     gone = [target for temporary, target in named if left and temporary not in left]
     for path in (*left, *gone):
-        with contextlib.suppress(OSError):  # the first error is the one to hear about
-            path.unlink()
+        remove_file(path)
 
 
 def _create(target: Path, mode: int) -> Owned:

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from bfrt.errors import DiskFullError
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import refused
 
 
 def check_free(folder: Path, needed: int, doing: str) -> None:

@@ -19,10 +19,11 @@ import errno
 import os
 import re
 import secrets
-import shutil
 import zlib
 from pathlib import Path
 from typing import NamedTuple
+
+from bfrt.streams.removal import remove_file, remove_folder
 
 try:
     import fcntl
@@ -233,12 +234,11 @@ def is_named(descriptor: int, path: Path) -> bool:
 
 def remove(path: Path) -> None:
     """Remove a file, or a folder with all that is in it, as far as the system lets us."""
-    try:
-        path.unlink()
-    except FileNotFoundError:
-        return
-    except OSError:  # a folder, or what stays, for the next run to remove
-        shutil.rmtree(path, ignore_errors=True)
+    name = parsed(path.name)
+    if name is not None and name.kind == FILE:
+        remove_file(path)
+    else:
+        remove_folder(path)
 
 
 def made_here() -> list[Path]:

@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 
 from bfrt.errors import SettingError
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import refused
 from bfrt.streams.ownership import FOLDER, look_at
 
 #: Permissions that let others change what is in a folder, or in a file.

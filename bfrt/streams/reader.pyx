@@ -19,6 +19,7 @@ from libc.string cimport memmove
 import os
 
 from bfrt.errors import ShortReadError, StreamError
+from bfrt.refusals import give_up
 from bfrt.streams.atomic cimport atomic_add, atomic_exchange
 
 cdef extern from *:
@@ -79,7 +80,7 @@ cdef class SharedFile:
     def __dealloc__(self):
         for fd in (self.fd, self.prefetch_fd):
             if fd >= 0:
-                os.close(fd)
+                give_up(fd)
 
     def fileno(self):
         """Return the descriptor that is read in order."""
@@ -113,7 +114,7 @@ cdef class Reader:
         self.least = self.span = min(self.capacity, <size_t>GAP) if sparse else self.capacity
         self.buffer = <unsigned char*>PyMem_RawMalloc(self.capacity)
         if self.buffer == NULL:
-            raise MemoryError(f"{capacity} bytes for a read buffer")
+            raise MemoryError(f"a read buffer of {capacity} bytes")
         self.at = self.end = self.buffer
 
     def __dealloc__(self):

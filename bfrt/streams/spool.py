@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import plain
-from bfrt.streams.atomic_write import nameless, refused
+from bfrt.refusals import calling, give_up, refused
+from bfrt.streams.atomic_write import nameless
 from bfrt.streams.writer import write_all
 
 Records = NDArray[Any]
@@ -103,7 +104,7 @@ class Spool:
         """Give the disk back."""
         file, self._file = self._file, None
         if file is not None:
-            file.close()
+            give_up(file)
 
     def _size_for(self, records: int) -> int:
         """Return the size of a memory that holds so many: the room, or a fourth, or a fourth of it.
@@ -126,7 +127,8 @@ class Spool:
         if self._file is None:
             self._file = nameless(self._scratch, self._path)
         offset = max(0, self._appended - self._room) * self.dtype.itemsize
-        self._file.seek(offset)
+        with calling(self._path, "seeking", offset):
+            self._file.seek(offset)
         self._last_end = offset + write_all(
             self._file.fileno(), records.view(np.uint8), self._path, offset
         )

@@ -7,10 +7,9 @@ has to be durable is synced on the way too, so that the disk works while there i
 from __future__ import annotations
 
 import errno
-import mmap
 import os
 import zlib
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import buffer_of, calling, give_up, refused
+from bfrt.threads import Threads
 
 Data = bytes | bytearray | memoryview | NDArray[Any]
 
@@ -32,8 +32,8 @@ KEPT_BYTES = 1 << 18
 SYNCED_BYTES = 1 << 25
 
 #: Threads that write, and that sync, for all files.
-WRITERS = ThreadPoolExecutor(2, "bfrt-write")
-SYNCERS = ThreadPoolExecutor(2, "bfrt-sync")
+WRITERS = Threads(2, "bfrt-write")
+SYNCERS = Threads(2, "bfrt-sync")
 
 
 def view_of(data: Data) -> memoryview:
@@ -76,7 +76,7 @@ class FileWriter:
         self._unsynced = 0
         self._pending: Future[None] | None = None
         self._syncing: Future[None] | None = None
-        self._buffers = [mmap.mmap(-1, BUFFER_BYTES), mmap.mmap(-1, BUFFER_BYTES)]
+        self._buffers = [buffer_of(BUFFER_BYTES), buffer_of(BUFFER_BYTES)]
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
         except OSError as error:
@@ -118,8 +118,12 @@ class FileWriter:
         if self._durable and self._unsynced >= SYNCED_BYTES:
             if self._syncing is not None:
                 self._syncing.result()
-            self._syncing = SYNCERS.submit(os.fsync, self._fd)
+            self._syncing = SYNCERS.submit(self._sync)
             self._unsynced = 0
+
+    def _sync(self) -> None:
+        with calling(self.path, "syncing", self._written):
+            os.fsync(self._fd)
 
     def _wait(self) -> None:
         pending, self._pending = self._pending, None
@@ -136,9 +140,10 @@ class FileWriter:
             if self._syncing is not None:
                 self._syncing.result()
             if self._durable:
-                os.fsync(self._fd)
-        except OSError as error:
-            raise refused(self.path, self.bytes, error, "syncing") from error
+                self._sync()
+            fd, self._fd = self._fd, -1  # which is closed, whatever the system says
+            with calling(self.path, "closing", self.bytes):
+                os.close(fd)
         finally:
             self.abandon()
 
@@ -150,7 +155,7 @@ class FileWriter:
         self._pending = self._syncing = None
         fd, self._fd = self._fd, -1
         if fd >= 0:
-            os.close(fd)
+            give_up(fd)
 
     def __enter__(self) -> FileWriter:
         return self

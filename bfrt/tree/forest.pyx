@@ -20,7 +20,7 @@ from bfrt.treelets.node cimport Node
 
 from bfrt.errors import StoreError
 from bfrt.records import TREELET
-from bfrt.streams.atomic_write import refused
+from bfrt.refusals import refused
 from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
@@ -100,7 +100,7 @@ cdef class Forest:
         streams = [stream for stream in store.streams if stream.treelets]
         self.streams = <TreeStream*>PyMem_RawMalloc((len(streams) + 1) * sizeof(TreeStream))
         if self.streams == NULL:
-            raise MemoryError("streams")
+            raise MemoryError("a list of streams")
         tables = [np.empty(0, TREELET)]
         numbers = [np.empty(0, np.uint16)]
         for place, stream in enumerate(streams):

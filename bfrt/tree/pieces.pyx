@@ -59,7 +59,7 @@ cdef class PieceReader:
             self.capacity = 0
             self.memory = <unsigned char*>PyMem_RawMalloc(n)
             if self.memory == NULL:
-                raise MemoryError(f"{n} bytes for a treelet")
+                raise MemoryError(f"a treelet of {n} bytes")
             self.capacity = n
         return 0
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bfrt.image import exr, picture, png
+from bfrt.image import exr
 from bfrt.image.picture import Image
 from bfrt.records import NO_HIT
+from bfrt.streams import atomic_write
 from bfrt.streams.atomic_write import atomic_path
 
 AWKWARD = np.array(
@@ -53,5 +54,5 @@ def full_disk(monkeypatch):
             temporary.symlink_to(full)
             yield temporary
 
-    for module in (exr, png, picture):
+    for module in (exr, atomic_write):
         monkeypatch.setattr(module, "atomic_path", atomic_path_on_full)

@@ -507,7 +507,7 @@ def test_a_list_goes_to_a_folder(spheres):
         spheres.list_intersections(np.zeros((1, 3)), np.ones((1, 3)), out={})
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "full")])
+@pytest.mark.parametrize("error", [KeyboardInterrupt, bfrt.DiskFullError("a", 0, 28, "writing")])
 def test_files_are_whole_or_not_there(spheres, tmp_path, monkeypatch, error):
     put = answers.Columns.put
 
@@ -524,7 +524,8 @@ def test_files_are_whole_or_not_there(spheres, tmp_path, monkeypatch, error):
 @pytest.mark.parametrize("ask", ["cast_rays", "list_intersections"])
 @pytest.mark.parametrize("renamed", [0, 1, 4])
 def test_all_files_are_there_or_none(spheres, tmp_path, monkeypatch, ask, renamed):
-    """An interrupt between two files that get their names takes the first with it."""
+    """An interrupt between two files that get their names takes the first with it, in a folder
+    that has other things; one of nothing else gets its name at once."""
     rename, done = Path.replace, []
 
     def interrupt(path, target):
@@ -535,16 +536,56 @@ def test_all_files_are_there_or_none(spheres, tmp_path, monkeypatch, ask, rename
 
     rays = np.zeros((1, 3)), np.ones((1, 3))
     (tmp_path / "mine").touch()
-    for out in (tmp_path / "a" / "b", tmp_path):
-        monkeypatch.setattr(Path, "replace", interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            getattr(spheres, ask)(*rays, out=out)
-        assert len(done) == renamed
-        done.clear()
-        assert sorted(tmp_path.iterdir()) == [tmp_path / "mine", spheres.path]
-        monkeypatch.setattr(Path, "replace", rename)
+    monkeypatch.setattr(Path, "replace", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        getattr(spheres, ask)(*rays, out=tmp_path)
+    assert len(done) == renamed
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "mine", spheres.path]
     found = getattr(spheres, ask)(*rays, out=tmp_path / "a" / "b")
     assert {path.stem for path in (tmp_path / "a" / "b").iterdir()} == set(found)
+
+
+@pytest.mark.parametrize("ask", ["occluded", "list_intersections"])
+def test_a_folder_gets_its_name_with_all_files(spheres, tmp_path, monkeypatch, ask):
+    """An interrupt before that leaves nothing, or the answer that was there."""
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    rename, out = Path.rename, tmp_path / "a" / "b"
+
+    def interrupt(path, target):
+        if path.suffix == ".part":
+            raise KeyboardInterrupt
+        return rename(path, target)
+
+    def fails(given):
+        with monkeypatch.context() as now:
+            now.setattr(Path, "rename", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                getattr(spheres, ask)(*given, out=out)
+
+    fails(rays)
+    assert sorted(tmp_path.iterdir()) == [spheres.path]
+    found = getattr(spheres, ask)(*rays, out=out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert before.keys() == {f"{key}.npy" for key in found}
+    fails((np.zeros((2, 3)), np.ones((2, 3))))
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert list(out.parent.iterdir()) == [out]
+    getattr(spheres, ask)(np.zeros((2, 3)), np.ones((2, 3)), out=out)
+    assert {path.name for path in out.iterdir()} == before.keys()
+    assert list(out.parent.iterdir()) == [out]
+
+
+def test_answers_of_two_queries_share_a_folder(spheres, tmp_path):
+    """Neither takes the other's files for an answer of its own, nor what is beside them."""
+    rays = np.zeros((2, 3)), np.ones((2, 3))
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "mine").touch()
+    for _ in range(2):
+        spheres.occluded(*rays, out=out)
+        spheres.count_intersections(*rays, out=out)
+    assert sorted(path.name for path in out.iterdir()) == ["counts.npy", "mine", "occluded.npy"]
+    assert [path.name for path in tmp_path.iterdir() if path.name[0] == "."] == []
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 import re
-import threading
 from functools import partial
 
 import numpy as np
 import pytest
+from running import thread_name
 
 import bfrt
 from bfrt.errors import Cancelled, DiskFullError
@@ -129,7 +129,7 @@ def test_a_failure_in_a_thread_is_the_callers(tmp_path):
         surface = 1.0
 
         def pentagon(self, dtype):
-            raise ArithmeticError(threading.current_thread().name)
+            raise ArithmeticError(thread_name())
 
     with pytest.raises(ArithmeticError, match="bfrt-ahead"):
         Broken(3).write(tmp_path / "row.bfrt", threads=2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.records import BOX_BYTES, NODE_BYTES, OFFSET_BYTES
+from bfrt.refusals import calling, refused
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.windows import OrderedWindow
-from bfrt.streams.atomic_write import refused
+from bfrt.streams.removal import remove_folder
 from bfrt.streams.writer import FileWriter
 
 
@@ -124,8 +124,7 @@ def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
 
 def replace_folder(folder: Path, other: Path) -> None:
     """Put another folder in the place of one."""
-    try:
-        shutil.rmtree(folder)
+    with calling(folder, "replacing"):
+        if (refusal := remove_folder(folder)) is not None:
+            raise refusal
         other.rename(folder)
-    except OSError as error:
-        raise refused(folder, 0, error, "replacing") from error

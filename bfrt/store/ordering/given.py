@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
+from bfrt.refusals import calling, closing, refused
 from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
 from bfrt.store.ordering.room import Amount, Room, room_of
-from bfrt.streams.atomic_write import refused
 
 
 class GivenFiles(NamedTuple):
@@ -76,10 +76,9 @@ class _Column:
 
     def __init__(self, stack: ExitStack, path: Path) -> None:
         self._path = path
-        try:
-            self._file = stack.enter_context(path.open("rb", buffering=0))
-        except OSError as error:
-            raise refused(path, 0, error, "opening") from error
+        with calling(path, "opening"):
+            file = path.open("rb", buffering=0)
+        self._file = stack.enter_context(closing(file, path))
 
     def read(self, records: int, size: int) -> NDArray[np.uint8]:
         """Return the next records of `size` bytes."""

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
+from bfrt.refusals import give_up, refused
 from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
-from bfrt.streams.atomic_write import nameless, refused
+from bfrt.streams.atomic_write import nameless
 from bfrt.streams.free import check_free
 from bfrt.streams.writer import view_of
 
@@ -136,4 +137,4 @@ class Regions:
 
     def close(self) -> None:
         """Give the disk back."""
-        self._file.close()
+        give_up(self._file)

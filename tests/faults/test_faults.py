@@ -1,0 +1,100 @@
+"""Whatever call fails: the right result, or one error of ours, and nothing half there."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+from collections import Counter
+
+import pytest
+from faults import shim
+from faults.run import told_of
+from faults.shim import FAMILIES, FAULTS, Fault
+from faults.trial import Expected, Outcome, misplaced, unfit
+from faults.work import WORKS
+
+from bfrt.errors import ResourceError, StreamError
+
+#: Works of the short run, which between them read and write in every way, and places a fault.
+SAMPLED = (
+    "convert obj", "convert nff over a store", "render by a grid, spooled",
+    "list_intersections, spooled", "save exr",
+)  # fmt: skip
+PLACES = 1
+
+
+def check(told):
+    wrong = [line for each in told for line in each["wrong"]]
+    assert not wrong, "\n".join(wrong)
+    found = Counter()
+    for each in told:
+        for fault, outcomes in each["counts"].items():
+            found.update({fault.split()[0]: sum(outcomes.values())})
+    return found
+
+
+def test_some_calls_of_every_kind(tmp_path):
+    found = check(told_of(tmp_path, PLACES, SAMPLED))
+    assert {family for family in FAMILIES if found[family]} >= set(FAMILIES) - {"truncate"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("work", WORKS)
+def test_every_call(tmp_path, work):
+    assert sum(check(told_of(tmp_path, 0, [work])).values()) > 100
+
+
+# --- what is found wrong -------------------------------------------------------------------------
+
+
+BEFORE = {"in/a": "1", "out/b": "2", "out/c": "3", "out/c/d": "4"}
+AFTER = {"in/a": "1", "out/b": "9", "out/c": "3", "out/c/d": "8", "out/e": "5", "out/e/f": "6"}
+
+
+@pytest.mark.parametrize(
+    ("found", "done", "wrong"),
+    [
+        (AFTER, True, ""),
+        (BEFORE, True, "differing"),
+        ({**AFTER, "tmp/x": "7"}, True, "differing"),
+        (BEFORE, False, ""),
+        (AFTER, False, ""),
+        ({**BEFORE, "out/b": "9"}, False, ""),
+        ({**BEFORE, "out/b": "1"}, False, "half: out/b"),
+        ({**BEFORE, "out/e": "5"}, False, "half: out/e"),
+        ({**BEFORE, "out/.e.part": "5"}, False, "left: out/.e.part"),
+        ({key: value for key, value in BEFORE.items() if key != "out/b"}, False, "half: out/b"),
+    ],
+)
+def test_what_is_left_is_seen(found, done, wrong):
+    expected = Expected(BEFORE, AFTER, "", {}, [])
+    assert misplaced(found, expected, done=done).startswith(wrong)
+    assert bool(misplaced(found, expected, done=done)) == bool(wrong)
+
+
+@pytest.mark.parametrize(
+    ("error", "wrong"),
+    [
+        (OSError(errno.EIO, "bare"), "OSError"),
+        (MemoryError(), "MemoryError"),
+        (ResourceError(""), "ResourceError of no sentence"),
+        (ResourceError("two\nlines"), "ResourceError of no sentence"),
+        (ResourceError("a: found no memory"), ""),
+        (StreamError("a", 3, errno.EIO, "reading"), ""),
+    ],
+)
+def test_an_exception_that_is_not_ours_is_seen(error, wrong):
+    assert unfit(error).startswith(wrong)
+    assert bool(unfit(error)) == bool(wrong)
+
+
+def test_a_child_that_died_counts_as_one_that_was_hit():
+    assert Outcome({}, "", "hangs").was_hit(FAULTS[0], 3)
+    assert not Outcome({"open": 2}, "", "").was_hit(Fault("open", errno.EIO), 3)
+
+
+def test_the_shim_has_all_families(tmp_path):
+    library = ctypes.CDLL(str(shim.built(tmp_path)))
+    library.fault_count.restype = ctypes.c_long
+    assert [library.fault_count(k) for k in range(len(FAMILIES))] == [0] * len(FAMILIES)
+    assert {fault.family for fault in FAULTS} == set(FAMILIES)

@@ -1,0 +1,236 @@
+"""What is done while calls fail: each writes into ``out`` or returns bytes, from what is in ``in``.
+
+Checkpoints and their resumption belong here too, as works of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import array_files
+import numpy as np
+import obj_files
+import ply_files
+import stl_files
+from injected import dividing
+
+import bfrt
+from bfrt.budget import GridCapacities
+
+#: Rays of a query.
+RAYS = 300
+
+FRAME = (24, 18)
+
+
+class Work(NamedTuple):
+    """Something to do: `prepare` makes what it needs in a folder, without faults."""
+
+    prepare: Callable[[Path], object]
+    run: Callable[[Path], bytes]
+
+
+# --- conversions ---------------------------------------------------------------------------------
+
+
+def nff(folder: Path) -> None:
+    with (folder / "in" / "a.nff").open("w") as file:
+        bfrt.spd.rings(1).write_nff(file)
+
+
+def put(name: str, data: bytes | str, folder: Path) -> None:
+    (folder / "in" / name).write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def obj(folder: Path) -> None:
+    put("a.obj", obj_files.dressed("a.mtl", ["red one", "glass", "mirror"]), folder)
+    put("a.mtl", obj_files.LIBRARY, folder)
+
+
+def npy(folder: Path) -> None:
+    np.save(folder / "in" / "a.npy", array_files.CENTERS)
+
+
+def npz(folder: Path) -> None:
+    np.savez_compressed(
+        folder / "in" / "a.npz", centers=array_files.CENTERS, radii=array_files.RADII
+    )
+
+
+def hdf5(layout: str, folder: Path) -> None:
+    import hdf5_files
+
+    hdf5_files.write(folder / "in" / "a.h5", hdf5_files.snapshot(), layout)
+
+
+def virtual(folder: Path) -> None:
+    import hdf5_files
+
+    hdf5_files.virtual(folder / "in" / "a.h5")
+
+
+def las(name: str, folder: Path) -> None:
+    import las_files
+
+    las_files.write(folder / "in" / name)
+
+
+def converting(prepare: Callable[[Path], object], name: str, *, again: bool = False, **how) -> Work:
+    """A conversion of a file; `again` puts it in the place of a store."""
+
+    def run(folder: Path) -> bytes:
+        bfrt.convert(
+            folder / "in" / name, folder / "out" / "a.bfrt", scratch=folder / "tmp", **how
+        ).close()
+        return b""
+
+    def both(folder: Path) -> None:
+        prepare(folder)
+        if again:
+            bfrt.spd.rings(1).write(folder / "out" / "a.bfrt")
+
+    return Work(both, run)
+
+
+# --- renders and queries -------------------------------------------------------------------------
+
+
+def scene(folder: Path, *, order: str = "auto") -> None:
+    """All five kinds, mirrors and glass."""
+    rng = np.random.default_rng(5)
+    with bfrt.SceneWriter(folder / "in" / "s.bfrt", dtype="float32", order=order) as writer:
+        writer.camera(bfrt.Camera((0, -6, 1), (0, 0, 0), resolution=FRAME))
+        writer.light(bfrt.Light((4, -5, 6)))
+        matt = writer.material(bfrt.Material((0.9, 0.7, 0.5), 0.8))
+        clear = writer.material(bfrt.Material((0.8, 1, 1), 0.1, 0.1, 50.0, 0.8, 1.5))
+        writer.polygons([[-9, -9, -2], [9, -9, -2], [9, 9, -2], [-9, 9, -2]], [4], matt)
+        centers = rng.uniform(-2, 2, (40, 3))
+        writer.spheres(centers, rng.uniform(0.1, 0.4, 40), rng.choice([matt, clear], 40))
+        writer.cones(centers, 0.1, centers + rng.uniform(-1, 1, (40, 3)), 0.02, clear)
+        corners = rng.uniform(-2, 2, (40, 1, 3)) + rng.uniform(-0.5, 0.5, (40, 3, 3))
+        writer.triangles(corners, matt)
+        writer.patches(corners + 0.7, rng.normal(size=(40, 3, 3)), clear)
+
+
+def tight(given):
+    """Capacities so small that rays, hits and queues go to disk, and marks are in slabs."""
+    held = replace(given, rays=97, candidates=97, hits=50, queue=13)
+    if isinstance(held, GridCapacities):
+        return replace(held, limits=held.limits._replace(voxels=30))
+    return replace(held, resident=False)
+
+
+def on_disk(given):
+    """Capacities with a frame in bands."""
+    return replace(tight(given), rows=5, frame_on_disk=True)
+
+
+def opened(folder: Path, divide) -> bfrt.Scene:
+    made = bfrt.open(folder / "in" / "s.bfrt")
+    return made if divide is None else dividing(made, divide)
+
+
+def rendering(refine: str, divide=None, suffix: str = ".exr", order: str = "auto") -> Work:
+    def run(folder: Path) -> bytes:
+        with opened(folder, divide) as held:
+            image = held.render(
+                refine=refine,
+                threads=2,
+                memory="512MiB",
+                scratch=folder / "tmp",
+                aovs=("position",),
+            )
+            image.save(folder / "out" / f"a{suffix}")
+            return b"".join(np.asarray(pixels).tobytes() for pixels in image.channels.values())
+
+    return Work(partial(scene, order=order), run)
+
+
+def asking(query: str, refine: str, divide=None) -> Work:
+    """A query whose answer goes to a folder, in which another stood before."""
+
+    def ask(folder: Path, n: int) -> dict[str, np.ndarray]:
+        rng = np.random.default_rng(3)
+        origins = rng.uniform(-3, 3, (n, 3))
+        with opened(folder, divide) as held:
+            return getattr(held, query)(
+                origins, -origins, refine=refine, threads=2, memory="512MiB",
+                scratch=folder / "tmp", out=folder / "out" / "answer",
+            )  # fmt: skip
+
+    def prepare(folder: Path) -> None:
+        scene(folder)
+        ask(folder, 5)
+
+    def run(folder: Path) -> bytes:
+        answer = ask(folder, RAYS)
+        return b"".join(np.asarray(answer[key]).tobytes() for key in sorted(answer))
+
+    return Work(prepare, run)
+
+
+def saving(suffix: str) -> Work:
+    """A picture saved over another."""
+
+    def run(folder: Path) -> bytes:
+        rng = np.random.default_rng(8)
+        channels = {name: rng.random((90, 70), np.float32) for name in "RGBAZ"}
+        bfrt.Image(channels, {"scene": "made up"}).save(folder / "out" / f"a{suffix}")
+        return b""
+
+    def prepare(folder: Path) -> None:
+        (folder / "out" / f"a{suffix}").write_bytes(b"a picture that was there")
+
+    return Work(prepare, run)
+
+
+#: Faults at which a library ends the process, or prints, before anybody else hears of them.
+BEYOND = {
+    # lazrs is written in Rust, where memory that is refused ends the process, and it prints where
+    # its threads are refused.
+    "convert laz": ("memory ENOMEM", "memory ENOMEM lasting", "thread EAGAIN",
+                    "thread EAGAIN lasting"),
+    # HDF5 reads through a null pointer where all of its requests are refused.
+    "convert hdf5": ("memory ENOMEM lasting",),
+    "convert hdf5, gzip": ("memory ENOMEM lasting",),
+    "convert hdf5, virtual": ("memory ENOMEM lasting",),
+}  # fmt: skip
+
+WORKS: dict[str, Work] = {
+    "convert nff": converting(nff, "a.nff"),
+    "convert nff in the given order": converting(nff, "a.nff", order="given", durable=False),
+    "convert nff over a store": converting(nff, "a.nff", again=True),
+    "convert ply, text": converting(
+        partial(put, "a.ply", ply_files.mesh("ascii")), "a.ply", order="given"
+    ),
+    "convert ply": converting(
+        partial(put, "a.ply", ply_files.mesh("binary_little_endian")), "a.ply"
+    ),
+    "convert stl, text": converting(partial(put, "a.stl", stl_files.text()), "a.stl"),
+    "convert stl": converting(partial(put, "a.stl", stl_files.binary()), "a.stl"),
+    "convert obj": converting(obj, "a.obj"),
+    "convert npy": converting(npy, "a.npy", radius=0.1),
+    "convert npz": converting(npz, "a.npz", radius="radii"),
+    "convert hdf5": converting(partial(hdf5, "contiguous"), "a.h5", radius=0.1),
+    "convert hdf5, gzip": converting(partial(hdf5, "gzip"), "a.h5", radius=0.1),
+    "convert hdf5, virtual": converting(virtual, "a.h5", radius=0.1),
+    "convert las": converting(partial(las, "a.las"), "a.las", radius=0.1),
+    "convert laz": converting(partial(las, "a.laz"), "a.laz", radius=0.1),
+    "render by treelets": rendering("tree"),
+    "render by treelets, spooled": rendering("tree", on_disk, ".png"),
+    "render by a grid": rendering("sgb", None, ".npy", "given"),
+    "render by a grid, spooled": rendering("sgb", on_disk, ".exr", "given"),
+    "cast_rays": asking("cast_rays", "tree"),
+    "cast_rays, spooled": asking("cast_rays", "sgb", tight),
+    "occluded": asking("occluded", "tree", tight),
+    "count_intersections": asking("count_intersections", "sgb"),
+    "list_intersections": asking("list_intersections", "tree"),
+    "list_intersections, spooled": asking("list_intersections", "tree", tight),
+    "save exr": saving(".exr"),
+    "save png": saving(".png"),
+    "save npy": saving(".npy"),
+}
