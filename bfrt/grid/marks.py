@@ -164,9 +164,12 @@ class Marks:
 
 
 def marks_path(store: Store, group: Group, scratch: Path) -> Path:
-    """Return the path of a group's marks: in the store, or in `scratch` if that is read-only."""
+    """Return the path of a group's marks: in the store, or in `scratch` if that is read-only.
+
+    A store that has another's name by now has them there too: they are not to be the other's.
+    """
     home = store.path / str(group.number)
-    if os.access(home if home.is_dir() else store.path, os.W_OK):
+    if store.folder.in_place and os.access(home if home.is_dir() else store.path, os.W_OK):
         return home / "marks"
     return scratch / f"{store.path.name}-{store.checksum:08x}-{group.number}.marks"
 

@@ -20,7 +20,6 @@ from bfrt.treelets.node cimport Node
 
 from bfrt.errors import StoreError
 from bfrt.records import TREELET
-from bfrt.streams.atomic_write import refused
 from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
@@ -44,11 +43,7 @@ def table_of(stream):
     StreamError
         As the system refuses.
     """
-    path = stream.path("treelets")
-    try:
-        table = np.fromfile(path, TREELET)
-    except OSError as error:
-        raise refused(path, 0, error, "reading") from error
+    table = stream.load("treelets", TREELET)
     good = len(table) == stream.treelets
     for begin, size, end in (("first", "count", stream.count), ("node", "nodes", stream.nodes)):
         begins, sizes = table[begin], table[size].astype(np.uint64)
@@ -59,7 +54,7 @@ def table_of(stream):
         low, high = table[f"lo{axis}"], table[f"hi{axis}"]
         good = good and bool((np.isfinite(low) & np.isfinite(high) & (low <= high)).all())
     if not good:
-        raise StoreError(f"{path}: found treelets that do not follow one another, expected all")
+        raise StoreError(f"{stream.path('treelets')}: found treelets that do not follow one another, expected all")
     return table
 
 
@@ -147,7 +142,7 @@ cdef class Forest:
 
     cdef void* opened(self, stream, name) except NULL:
         """Open a file of a stream for as long as this is there."""
-        file = SharedFile(stream.path(name), True)
+        file = stream.opened(name, True)
         self.files.append(file)
         return <void*>file
 
