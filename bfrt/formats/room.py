@@ -36,7 +36,7 @@ class Taken(NamedTuple):
     blocks : int
         Bytes of the blocks, if the file fills them.
     library : int
-        Bytes of the library that reads the format.
+        Bytes of the library that reads the format, of HDF5 with the process that does so.
     fewest : int
         Bytes of the least room for vertices.
     packed : bool
@@ -51,7 +51,7 @@ class Taken(NamedTuple):
 
 OBJECTS = Taken(48 << 20)
 MESH = Taken(84 << 20, fewest=FEWEST)
-HDF5 = MESH._replace(library=12 << 20, packed=True)
+HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
 
 #: By suffix; all others have objects as they are.

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from bfrt.errors import ShortReadError, StoreError
-from bfrt.paths import HEADER
+from bfrt.errors import ShortReadError, StoreError, StreamError
+from bfrt.paths import ABSENT, HEADER
 from bfrt.store.file_facts import check_size
 from bfrt.streams.atomic_write import refused
 from bfrt.streams.reader import SharedFile
@@ -191,6 +191,8 @@ class StoreFolder:
             yield
         except (StoreError, ShortReadError) as error:
             raise self.fault() or error from None
+        except StreamError as error:
+            raise (self.fault() if error.errno in ABSENT else None) or error from None
         if self._found_header() not in (self.header, None):  # what was open before it went is whole
             raise self._replaced()
 

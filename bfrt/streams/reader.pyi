@@ -1,6 +1,8 @@
 import os
 from collections.abc import Callable
 
+FLAGS: int
+
 class SharedFile:
     path: str
     size: int

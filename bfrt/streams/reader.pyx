@@ -42,6 +42,7 @@ cdef enum:
     GAP = 1 << 16   # bytes that are read through: a seek costs as much as 30 to 100 KB of reading
     PREFETCH_GAP = 1 << 14  # where many requests are under way, a request costs as much as so many
 
+#: How files are opened.
 FLAGS = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0)
 
 

@@ -43,7 +43,7 @@ def table_of(stream):
     StreamError
         As the system refuses.
     """
-    table = stream.load("treelets", TREELET)
+    path, table = stream.path("treelets"), stream.load("treelets", TREELET)
     good = len(table) == stream.treelets
     for begin, size, end in (("first", "count", stream.count), ("node", "nodes", stream.nodes)):
         begins, sizes = table[begin], table[size].astype(np.uint64)
@@ -54,7 +54,7 @@ def table_of(stream):
         low, high = table[f"lo{axis}"], table[f"hi{axis}"]
         good = good and bool((np.isfinite(low) & np.isfinite(high) & (low <= high)).all())
     if not good:
-        raise StoreError(f"{stream.path('treelets')}: found treelets that do not follow one another, expected all")
+        raise StoreError(f"{path}: found treelets that do not follow one another, expected all")
     return table
 
 

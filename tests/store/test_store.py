@@ -368,5 +368,5 @@ def test_materials_are_checked_as_they_are_read(path):
 def test_a_file_that_went_away_after_opening(path):
     store = open_store(path)
     shutil.rmtree(path)
-    with pytest.raises(StoreError, match="a.bfrt: the store was removed while it was open"):
+    with pytest.raises(StoreError, match="the store was removed while it was open"):
         store.verify()
