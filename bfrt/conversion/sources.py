@@ -48,7 +48,7 @@ def read_nff_as_is(
 ) -> None:
     """Read NFF, which has colors of its own and no settings."""
     reading.refuse_all_but(path)
-    read_nff(path, sink, progress=report)
+    read_nff(path, sink, progress=report, room=reading.room)
 
 
 READERS: dict[str, Reader] = {

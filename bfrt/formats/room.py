@@ -24,6 +24,11 @@ GROWTH = 64
 VERTICES = 8
 
 
+#: Corners of a face that the blocks have room for, and what each more takes: while it is read, in
+#: the block that is written, and while it is brought into order (measured: 75 to 100 bytes).
+CORNERS = 1 << 18
+CORNER_BYTES = 128
+
 #: What the most colors take that a file of its own colors has.
 COLORS = 32 << 20
 
@@ -118,6 +123,31 @@ def rooms_for(needs: list[Need], memory: int) -> list[int]:
             f"convert {most.name}"
         )
     return [memory - need.blocks for need in needs]
+
+
+def check_corners(name: str, corners: int, room: int) -> None:
+    """Refuse a face of more corners than memory holds as often as its conversion has them.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file.
+    corners : int
+        Corners of the face.
+    room : int
+        Bytes of the budget that nothing else takes.
+
+    Raises
+    ------
+    BudgetError
+        If it is; the message tells how much is missing.
+    """
+    short = (corners - CORNERS) * CORNER_BYTES - room
+    if short > 0:
+        raise BudgetError(
+            f"{name}: found a face of {corners} corners, expected a budget of "
+            f"{format_memory(short)} more to convert it"
+        )
 
 
 def size_of(name: str) -> float:

@@ -21,7 +21,9 @@ from bfrt.stats import Stats
 from bfrt.streams.atomic_write import atomic_path, put
 
 SUFFIXES = (".exr", ".png", ".npy")
-BAND_BYTES = 1 << 24
+
+#: Bytes of the rows that are written at once; of an image on disk they are in memory meanwhile.
+BAND_BYTES = 1 << 21
 
 
 class Image:

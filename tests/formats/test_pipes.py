@@ -42,7 +42,7 @@ def test_a_pipe_that_nobody_writes_to_is_not_waited_for(tmp_path, suffix):
 
 def test_a_pipe_that_somebody_writes_to(tmp_path):
     read, write = os.pipe()
-    with open(read, "rb"), open(write, "wb"):
+    with os.fdopen(read, "rb"), os.fdopen(write, "wb"):
         path = tmp_path / "a.ply"
         path.symlink_to(f"/proc/self/fd/{read}")
         assert said_of(path) == sentence(path, "a pipe")

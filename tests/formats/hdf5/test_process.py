@@ -63,7 +63,7 @@ def test_an_error_of_ours_shows_where(file, monkeypatch):
     broken = CRASH.replace("os.kill(os.getpid(), {signal})", "raise ZeroDivisionError('here')")
     monkeypatch.setattr(remote, "SERVE", broken.format(verb="open", signal=0))
     write(file, snapshot())
-    with pytest.raises(RuntimeError, match=r"(?s)in crash\n.*\nZeroDivisionError: here"):
+    with pytest.raises(RuntimeError, match=r"in crash\n(.*\n)?ZeroDivisionError: here"):
         convert(file, radius=1)
 
 
