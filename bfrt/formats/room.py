@@ -59,8 +59,12 @@ MESH = Taken(84 << 20, fewest=FEWEST)
 HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
 
+#: A palette's writer remembers materials that may come again, 65,536 at the most.
+MATERIALS = 16 << 20
+
 #: By suffix; all others have objects as they are.
 FORMATS = {
+    ".nff": OBJECTS._replace(blocks=OBJECTS.blocks + MATERIALS),
     ".ply": MESH,
     ".obj": MESH,
     ".npz": MESH._replace(packed=True),
@@ -101,7 +105,7 @@ def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Nee
     colored : bool
         Whether the file's own colors are taken.
     """
-    taken = FORMATS.get(Path(name).suffix.lower(), OBJECTS)
+    taken = FORMATS.get(".nff" if name == "-" else Path(name).suffix.lower(), OBJECTS)
     full = math.inf if taken.packed else size_of(name) if size is None else size
     most = taken.blocks + (COLORS if colored else 0)
     blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
