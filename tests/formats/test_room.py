@@ -14,7 +14,7 @@ from meshes import convert, failure
 
 import bfrt
 from bfrt.errors import BudgetError
-from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, OBJECTS, need_of, rooms_for
+from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, need_of, rooms_for
 from bfrt.memory import BASELINE, parse_memory
 
 SUFFIXES = ("nff", "stl", "npy", "ply", "obj")
@@ -96,7 +96,11 @@ def test_what_is_left_is_for_vertices(tmp_path):
     assert room_for(str(path), 1 << 30) == (1 << 30) - BASELINE - GROWTH * size
     assert room_for("none.ply", BASELINE) == 0
     assert room_for("spd:balls:3", BASELINE + 640, 10) == 0
-    for name, taken in (("-", FORMATS[".nff"]), ("a.h5", FORMATS[".h5"]), ("a.laz", FORMATS[".laz"])):
+    for name, taken in (
+        ("-", FORMATS[".nff"]),
+        ("a.h5", FORMATS[".h5"]),
+        ("a.laz", FORMATS[".laz"]),
+    ):
         least = BASELINE + taken.library + taken.blocks + taken.fewest
         assert room_for(name, least) == taken.fewest
         with pytest.raises(BudgetError, match=re.escape(name)):
