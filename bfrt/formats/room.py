@@ -60,7 +60,7 @@ HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
 
 #: A palette's writer remembers materials that may come again, 65,536 at the most.
-MATERIALS = 16 << 20
+MATERIALS = 32 << 20
 
 #: By suffix; all others have objects as they are.
 FORMATS = {
