@@ -55,7 +55,8 @@ def test_a_face_that_memory_does_not_hold_is_refused(tmp_path, monkeypatch, suff
         with pytest.raises(BudgetError) as caught:
             bfrt.convert(path, tmp_path / "out.bfrt", memory=memory)
         assert str(caught.value) == (
-            f"{path}: found a face of 30 corners, expected a budget of {short}MiB more to convert it"
+            f"{path}: found a face of 30 corners, expected a budget of {short}MiB more to "
+            "convert it"
         )
         assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
         short = 1
