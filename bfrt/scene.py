@@ -230,6 +230,12 @@ class Scene:
 
         One that was broken off is not kept, and neither is one whose marks had to be fresh.
         """
+        with self.store.folder.session(), self._free_tracer(settings) as tracer:
+            yield tracer
+
+    @contextmanager
+    def _free_tracer(self, settings: Settings) -> Iterator[Tracer]:
+        """Yield a tracer that no other query uses."""
         if not self._busy.acquire(blocking=False):
             with self._tracer(settings) as other:
                 yield other
@@ -386,7 +392,7 @@ class Scene:
         with reporting(progress) as report, self._inside(settings, "rendering"):
             plan = self._divide(self.store, settings, view.frame)
             self._make_room()
-            with tracer_of(self.store, settings, plan) as tracer:
+            with self.store.folder.session(), tracer_of(self.store, settings, plan) as tracer:
                 return picture_of(tracer, view, report)
 
     def plan(

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from bfrt.records import PARENT, Kind
 from bfrt.reference import _kernels
-from bfrt.store.store import Store, Stream
+from bfrt.store.store import Store
+from bfrt.store.stream import Stream
 
 
 def boxes_of(store: Store, *, quantised: bool = False) -> NDArray[np.float32]:

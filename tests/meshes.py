@@ -126,6 +126,7 @@ def outcome(path: Path, **settings: Any) -> str:
         store = convert(path, **settings)
         store.verify()
         said = f"{store.objects} objects"
+        del store
     except BfrtError as error:
         said = str(error)
         assert said.isprintable()

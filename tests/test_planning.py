@@ -181,7 +181,7 @@ def test_nothing_but_headers_is_read(rings, tmp_path):
         shutil.rmtree(stream.folder)
     assert scene.plan(memory="128MiB", threads=2) == before
     assert before.marks_reused
-    with pytest.raises(bfrt.StreamError):
+    with pytest.raises(bfrt.StoreError):
         scene.render(memory="128MiB", threads=2)
 
 

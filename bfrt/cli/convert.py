@@ -69,6 +69,7 @@ def convert_input(
             skip_invalid=options.skip_invalid,
             triangulate=options.triangulate,
             polygons=options.polygons,
+            external_storage=options.external_storage,
             progress=progress,
             durable=durable,
         )

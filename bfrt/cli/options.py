@@ -12,7 +12,7 @@ from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
     "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate", "polygons",
+    "triangulate", "polygons", "external_storage",
 )  # fmt: skip
 
 
@@ -78,6 +78,10 @@ def add_reading(made: argparse.ArgumentParser) -> None:
     corners.add_argument(
         "--polygons", action="store_true", help="keep all faces of more corners as polygons"
     )
+    group.add_argument(
+        "--external-storage", action="store_true",
+        help="follow external storage of HDF5: rows in files of any kind that a dataset names",
+    )  # fmt: skip
 
 
 def number_or_name(text: str) -> float | str:

@@ -8,7 +8,8 @@ from typing import Any
 
 from bfrt.cli.options import command
 from bfrt.scene import open_scene
-from bfrt.store.store import Store, Stream, bounds_to, open_store
+from bfrt.store.store import Store, bounds_to, open_store
+from bfrt.store.stream import Stream
 
 
 def add_info(commands: Any) -> None:

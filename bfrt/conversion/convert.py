@@ -103,6 +103,7 @@ def convert(
     skip_invalid: bool = False,
     triangulate: bool = False,
     polygons: bool = False,
+    external_storage: bool = False,
     progress: DoneReport | None = None,
     durable: bool = True,
 ) -> Scene:
@@ -158,6 +159,10 @@ def convert(
         polygons.
     polygons : bool
         Store all faces of more than three corners as polygons, each in the plane that fits it.
+    external_storage : bool
+        Follow HDF5's external storage: rows that are in files of any kind, which a dataset names.
+        It reads whatever this process may read: it is for files that one trusts. By default such a
+        dataset is refused.
     progress : callable, optional
         Called with the number of bytes read so far, of all files; and after that, of a store in
         spatial order, with the number of objects that are in order. The number is a
@@ -198,6 +203,7 @@ def convert(
         skip_invalid=skip_invalid,
         triangulate=triangulate,
         polygons=polygons,
+        external_storage=external_storage,
         scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
     )

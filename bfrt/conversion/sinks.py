@@ -16,8 +16,9 @@ from bfrt.store.model import Camera, Light, Vector
 from bfrt.threads import Pool
 from bfrt.workers import usable_threads
 
-#: Blocks that wait to be written while the next is read.
+#: Blocks that wait to be written while the next is read; those of more bytes do not wait.
 PENDING = 4
+PENDING_BYTES = 16 << 20
 
 
 class GroupSink:
@@ -58,6 +59,7 @@ class Behind:
         self._sink = sink
         self._threads = Pool(usable_threads(), "bfrt-prepare")
         self._pending: deque[Callable[[], object]] = deque()
+        self._bytes: deque[int] = deque()
         self._begun: set[Kind] = set()
         self.camera = sink.camera
         self.light = sink.light
@@ -82,21 +84,31 @@ class Behind:
 
     def _prepare(self, kind: Kind, *block: NDArray[Any]) -> None:
         """Have a thread prepare a block: its records, counts and materials."""
+        size = sum(array.nbytes for array in block)
+        self._wait_for(size)
         made = self._threads.submit(self._sink.prepare, kind, *block)
-        self._hand_over(lambda: self._sink.add(made.result()))
+        del block
+        self._hand_over(lambda: self._sink.add(made.result()), size)
 
     def _begin(self, kind: Kind, add: Callable[[], object]) -> None:
         """Add a kind's first block at once: it decides the store's origin and the dtype."""
         self._begun.add(kind)
-        self._hand_over(add)
         self._wait(0)
+        add()
 
-    def _hand_over(self, add: Callable[[], object]) -> None:
+    def _hand_over(self, add: Callable[[], object], size: int) -> None:
         self._pending.append(add)
-        self._wait(PENDING)
+        self._bytes.append(size)
+        self._wait(PENDING if size <= PENDING_BYTES else 0)
+
+    def _wait_for(self, size: int) -> None:
+        """See to it that blocks that wait, and another of `size` bytes, are no more than may be."""
+        while self._pending and sum(self._bytes) + size > PENDING_BYTES:
+            self._wait(len(self._pending) - 1)
 
     def _wait(self, most: int) -> None:
         while len(self._pending) > most:
+            self._bytes.popleft()
             self._pending.popleft()()
 
     def __enter__(self) -> Behind:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import SettingError
-from bfrt.formats.hdf5 import read_hdf5
+from bfrt.formats.hdf5.reader import read_hdf5
 from bfrt.formats.las import read_las
 from bfrt.formats.nff import read_nff
 from bfrt.formats.npy import read_npy, read_npz
@@ -49,7 +49,7 @@ def read_nff_as_is(
 ) -> None:
     """Read NFF, which has colors of its own and no settings."""
     reading.refuse_all_but(path)
-    read_nff(path, sink, progress=report)
+    read_nff(path, sink, progress=report, room=reading.room)
 
 
 READERS: dict[str, Reader] = {

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats.object_writer import ObjectWriter, cast
 from bfrt.formats.reading import PAINTED
+from bfrt.formats.room import check_corners
 from bfrt.memory import format_memory
 from bfrt.streams.spool import Spool
 
@@ -147,25 +148,28 @@ def joined(mesh: Mesh, room: int, scratch: Path) -> Iterator[tuple[NDArray[Any],
     """
     size = mesh.columns * mesh.row.itemsize
     most = room // size
+    left = room - min(mesh.vertices, most) * size
     if mesh.vertices <= most:
-        return joined_in_memory(mesh)
+        return joined_in_memory(mesh, left)
     if mesh.vertices > WINDOWS * most:
         short = -(-mesh.vertices // WINDOWS) * size - room
         raise BudgetError(
             f"{mesh.name}: found {mesh.vertices} vertices, expected a budget of "
             f"{format_memory(short)} more to join them with faces"
         )
-    return joined_on_disk(mesh, most, scratch)
+    return joined_on_disk(mesh, most, left, scratch)
 
 
-def joined_in_memory(mesh: Mesh) -> Iterator[tuple[NDArray[Any], Faces]]:
+def joined_in_memory(mesh: Mesh, left: int) -> Iterator[tuple[NDArray[Any], Faces]]:
     """Join with all vertices in memory: two passes, each over a part of the file."""
     (vertices,) = windows(mesh, max(mesh.vertices, 1))
-    for faces in checked(mesh):
+    for faces in checked(mesh, left):
         yield vertices.take(faces.indices, axis=0), faces
 
 
-def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
+def joined_on_disk(
+    mesh: Mesh, most: int, left: int, scratch: Path
+) -> Iterator[tuple[NDArray[Any], Faces]]:
     """Join with `most` vertices in memory at a time."""
     row = np.dtype([("row", mesh.row, (mesh.columns,))])
     places: list[Spool] = []
@@ -174,7 +178,7 @@ def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArr
         for _ in range(-(-mesh.vertices // most)):
             places.append(Spool(PLACE, 0, scratch))
             found.append(Spool(row, 0, scratch))
-        for faces in checked(mesh):
+        for faces in checked(mesh, left):
             needed, _ = once_each(faces.indices)
             for window, part in by_window(needed, most):
                 place = (needed[part] - window * most).astype(np.uint32)
@@ -184,7 +188,7 @@ def joined_on_disk(mesh: Mesh, most: int, scratch: Path) -> Iterator[tuple[NDArr
                 corners = vertices.take(block["place"], axis=0)
                 found[window].append(corners.view(row).reshape(count))
             places[window].close()
-        for faces in checked(mesh):
+        for faces in checked(mesh, left):
             needed, where = once_each(faces.indices)
             vertices = np.empty((len(needed), mesh.columns), mesh.row)
             for window, part in by_window(needed, most):
@@ -205,11 +209,15 @@ def expect(records: NDArray[Any], count: int, mesh: Mesh) -> NDArray[Any]:
     return records
 
 
-def checked(mesh: Mesh) -> Iterator[Faces]:
-    """Yield the faces of a mesh, up to `CORNERS` corners at a time, with their indices checked."""
+def checked(mesh: Mesh, left: int) -> Iterator[Faces]:
+    """Yield the faces of a mesh, up to `CORNERS` corners at a time, with their indices checked.
+
+    One that has more is refused where `left`, the bytes that vertices leave, do not hold it.
+    """
     before = 0
     for faces in parts(mesh.face_blocks()):
         indices = faces.indices
+        check_corners(mesh.name, len(indices), left)
         if len(indices) and not 0 <= indices.min() <= indices.max() < mesh.vertices:
             bad = int(np.argmax((indices < 0) | (indices >= mesh.vertices)))
             face = before + int(np.searchsorted(np.cumsum(faces.counts), bad, "right"))

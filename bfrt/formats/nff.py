@@ -47,6 +47,7 @@ from bfrt.formats._nff import (
 )
 from bfrt.formats.encoding import Decoder
 from bfrt.formats.object_writer import SceneSink
+from bfrt.formats.room import check_corners
 from bfrt.formats.source import CHUNK_BYTES
 from bfrt.formats.text import MOST_CORNERS
 from bfrt.records import Kind
@@ -97,6 +98,7 @@ def read_nff(
     writer: SceneSink,
     *,
     progress: Callable[[int], None] | None = None,
+    room: int | None = None,
 ) -> None:
     """Read an NFF scene and hand it to `writer`, block by block.
 
@@ -111,15 +113,19 @@ def read_nff(
         The receiver of the scene. It must copy the arrays that it keeps.
     progress : callable, optional
         Called after each chunk with the number of bytes consumed so far.
+    room : int, optional
+        Bytes that polygons of very many corners may take; by default any number.
 
     Raises
     ------
+    BudgetError
+        If a polygon takes more.
     SceneError
         If the text is not NFF. The message has file, line, what was found and expected.
     StreamError
         If the system refuses to open or read the file.
     """
-    _read(source, writer, progress, CHUNK_BYTES, BLOCK_OBJECTS)
+    _read(source, writer, progress, CHUNK_BYTES, BLOCK_OBJECTS, room)
 
 
 def _read(
@@ -128,10 +134,11 @@ def _read(
     progress: Callable[[int], None] | None,
     chunk_bytes: int,
     block_objects: int,
+    room: int | None = None,
 ) -> None:
     with contextlib.ExitStack() as stack:
         stream, name = _open(source, stack)
-        reader = _Reader(name, writer, Parser(chunk_bytes, block_objects))
+        reader = _Reader(name, writer, Parser(chunk_bytes, block_objects), room)
         decoder = Decoder(name)
         consumed = 0
         while chunk := _read_chunk(stream, name, chunk_bytes, consumed):
@@ -184,10 +191,11 @@ def _read_chunk(stream: BinaryIO, name: str, size: int, offset: int) -> bytes:
 class _Reader:
     """Turns a parser's events into calls on a sink."""
 
-    def __init__(self, name: str, sink: SceneSink, parser: Parser) -> None:
+    def __init__(self, name: str, sink: SceneSink, parser: Parser, room: int | None) -> None:
         self.name = name
         self.sink = sink
         self.parser = parser
+        self.room = room
         self.has_background = False
         self.painted: dict[tuple[float, ...], int] = {}
         self.handlers: dict[int, Callable[[], None]] = {
@@ -251,6 +259,8 @@ class _Reader:
         if kind is Kind.POLYGON:
             vertices, counts, materials = self.parser.take_polygons()
             if len(counts):
+                if self.room is not None:
+                    check_corners(self.name, int(counts.max()), self.room)
                 self.sink.append_polygons(vertices.copy(), counts.copy(), materials.copy())
             return
         records, materials = self.parser.take(kind)

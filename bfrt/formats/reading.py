@@ -74,6 +74,8 @@ class Reading:
     triangulate, polygons : bool
         Store all faces of four and more corners as triangles, or as polygons; by default those that
         are flat are polygons.
+    external_storage : bool
+        Follow the external storage of HDF5 datasets, whose rows may be in any file.
     room : int
         Bytes that a mesh's vertices may take; those of one that has more are joined on disk.
     scratch : Path
@@ -96,6 +98,7 @@ class Reading:
     skip_invalid: bool = False
     triangulate: bool = False
     polygons: bool = False
+    external_storage: bool = False
     room: int = 1 << 27
     scratch: Path = Path()
     uses: Uses = field(default_factory=Uses, compare=False)

@@ -25,6 +25,11 @@ GROWTH = 64
 VERTICES = 8
 
 
+#: Corners of a face that the blocks have room for, and what each more takes: while it is read, in
+#: the block that is written, and while it is brought into order (measured: 75 to 100 bytes).
+CORNERS = 1 << 18
+CORNER_BYTES = 128
+
 #: What the most colors take that a file of its own colors has.
 COLORS = 32 << 20
 
@@ -37,7 +42,7 @@ class Taken(NamedTuple):
     blocks : int
         Bytes of the blocks, if the file fills them.
     library : int
-        Bytes of the library that reads the format.
+        Bytes of the library that reads the format, of HDF5 with the process that does so.
     fewest : int
         Bytes of the least room for vertices.
     packed : bool
@@ -52,11 +57,15 @@ class Taken(NamedTuple):
 
 OBJECTS = Taken(48 << 20)
 MESH = Taken(84 << 20, fewest=FEWEST)
-HDF5 = MESH._replace(library=12 << 20, packed=True)
+HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
+
+#: A palette's writer remembers materials that may come again, 65,536 at the most.
+MATERIALS = 32 << 20
 
 #: By suffix; all others have objects as they are.
 FORMATS = {
+    ".nff": OBJECTS._replace(blocks=OBJECTS.blocks + MATERIALS),
     ".ply": MESH,
     ".obj": MESH,
     ".npz": MESH._replace(packed=True),
@@ -97,7 +106,7 @@ def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Nee
     colored : bool
         Whether the file's own colors are taken.
     """
-    taken = FORMATS.get(Path(name).suffix.lower(), OBJECTS)
+    taken = FORMATS.get(".nff" if name == "-" else Path(name).suffix.lower(), OBJECTS)
     full = math.inf if taken.packed else size_of(name) if size is None else size
     most = taken.blocks + (COLORS if colored else 0)
     blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
@@ -119,6 +128,31 @@ def rooms_for(needs: list[Need], memory: int) -> list[int]:
             f"convert {most.name}"
         )
     return [memory - need.blocks for need in needs]
+
+
+def check_corners(name: str, corners: int, room: int) -> None:
+    """Refuse a face of more corners than memory holds as often as its conversion has them.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file.
+    corners : int
+        Corners of the face.
+    room : int
+        Bytes of the budget that nothing else takes.
+
+    Raises
+    ------
+    BudgetError
+        If it is; the message tells how much is missing.
+    """
+    short = (corners - CORNERS) * CORNER_BYTES - room
+    if short > 0:
+        raise BudgetError(
+            f"{name}: found a face of {corners} corners, expected a budget of "
+            f"{format_memory(short)} more to convert it"
+        )
 
 
 def size_of(name: str) -> float:

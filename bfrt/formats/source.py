@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import stat
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from types import TracebackType
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bfrt.errors import BfrtError, SceneError, ShortReadError, StreamError
+from bfrt.errors import BfrtError, SceneError, SettingError, ShortReadError, StreamError
 from bfrt.formats.encoding import MARK_BYTES, MARKS, Decoder, mark_of
 from bfrt.refusals import calling, give_up, refused
 
@@ -41,12 +42,14 @@ class Source:
     Parameters
     ----------
     path : path-like
-        A file that can be read again: it is no pipe.
+        A file that can be read again.
     report : callable, optional
         Called with the bytes that are read.
 
     Raises
     ------
+    SettingError
+        If it is a pipe, or whatever else is no file; it is not waited for.
     StreamError
         If the system refuses to open or read it.
     """
@@ -57,12 +60,20 @@ class Source:
         self.report = report
         self._refused: StreamError | None = None
         with calling(self.name, "opening"):
-            self._file = io.FileIO(self.name)
+            self._file = io.FileIO(self.name, opener=opened_at_once)
             try:
-                self.size = os.fstat(self._file.fileno()).st_size
+                there = os.fstat(self._file.fileno())
             except OSError:
                 give_up(self._file)
                 raise
+        if not stat.S_ISREG(there.st_mode):
+            give_up(self._file)
+            raise SettingError(
+                f"{self.name}: found {a_kind(there.st_mode)}, expected a file, which can be read "
+                "more than once: of what can be read but once NFF alone is read (.nff, or - for "
+                "standard input)"
+            )
+        self.size = there.st_size
 
     def seek(self, offset: int, whence: int = 0, /) -> int:
         """Go on at a byte: from the begin, from here (1) or from the end (2)."""
@@ -278,6 +289,16 @@ class _Transcoded:
         buffer[:got] = self._ahead[:got]
         self._ahead = self._ahead[got:]
         return got
+
+
+def opened_at_once(path: str, flags: int) -> int:
+    """Open a path, and wait for nobody who would write into a pipe; `io.FileIO`'s ``opener``."""
+    return os.open(path, flags | os.O_NONBLOCK)
+
+
+def a_kind(mode: int) -> str:
+    """Return in words what a path leads to that is no file, by its mode."""
+    return "a pipe" if stat.S_ISFIFO(mode) else "a device or a socket"
 
 
 def said(error: BaseException) -> str:

@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 from bfrt.grid.grid import Grid
 from bfrt.grid.subspace import Subspace
 from bfrt.grid.voxel_rays import VoxelRays
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 
 class HierarchyWalk:
     def __init__(self, stream: Stream, capacity: int) -> None: ...

@@ -14,7 +14,6 @@ from bfrt.records cimport BOX_BYTES, Parent
 from bfrt.store._hierarchy cimport MOST_LEVELS
 from bfrt.streams.reader cimport Reader, skip, take
 from bfrt.errors import StoreError
-from bfrt.streams.reader import SharedFile
 
 cdef enum:
     LEVELS = MOST_LEVELS + 1  # with that of the objects' own boxes
@@ -57,7 +56,7 @@ cdef class HierarchyWalk:
         if not 0 < self.top < LEVELS:
             raise ValueError(f"selection: found {self.top} levels, expected 1 to {LEVELS - 1}")
         self.path = stream.folder
-        self.files = tuple(SharedFile(stream.path(f"level{k}")) for k in range(1, self.top + 1))
+        self.files = tuple(stream.opened(f"level{k}") for k in range(1, self.top + 1))
         self.readers = [Reader(file, capacity, True) for file in self.files]
         for k in range(self.top):
             self.reader[k + 1] = <void*>self.readers[k]

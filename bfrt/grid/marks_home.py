@@ -39,13 +39,15 @@ def home_in(scratch: Path | None) -> Path:
 def marks_path(store: Store, group: Group, scratch: Path | None) -> Path:
     """Return the path of a group's marks: in the store, or outside if that is read-only.
 
+    A store that has another's name by now has them outside too: they are not to be the other's.
+
     Parameters
     ----------
     scratch : Path, optional
         The scratch folder, if one is asked for.
     """
     home = store.path / str(group.number)
-    if os.access(home if is_folder(home) else store.path, os.W_OK):
+    if store.folder.in_place and os.access(home if is_folder(home) else store.path, os.W_OK):
         return home / "marks"
     name = stem_of(without_links(store.path).name)
     return home_in(scratch) / f"{name}-{store.checksum:08x}" / f"{group.number}.marks"

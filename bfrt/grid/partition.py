@@ -30,6 +30,9 @@ VOXELS_EACH = 2
 #: The paper's Rl: voxels a side of an upper voxel at the most, as a power of two.
 LOWER_BITS = 2
 
+#: Tries of fewer voxels, a tenth fewer each time: from 2^64 to far below one.
+MOST_CUTS = 1000
+
 
 class Limits(NamedTuple):
     """Holds the limits of a grid: what memory has room for, and what the caller asks for.
@@ -143,7 +146,7 @@ def partition(bounds: Bounds, objects: int, limits: Limits) -> Partition | None:
     if limits.grid is not None:
         return cut(along_longest(bounds, limits.grid), limits)
     voxels = float(max(1, min(VOXELS_EACH * objects, limits.voxels)))
-    while True:
+    for _ in range(MOST_CUTS):
         shape = resolution(bounds, voxels)
         if limits.max_grid is not None and max(shape) > limits.max_grid:
             shape = along_longest(bounds, limits.max_grid)
@@ -151,6 +154,7 @@ def partition(bounds: Bounds, objects: int, limits: Limits) -> Partition | None:
         if found is not None or max(shape) == 1:
             return found
         voxels = min(voxels * 0.9, math.prod(shape))
+    return None
 
 
 def cut(shape: Shape, limits: Limits) -> Partition | None:

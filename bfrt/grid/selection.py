@@ -10,7 +10,8 @@ from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import FEWEST, AllObjects, Batches, ChosenObjects
 from bfrt.stats import Phase
-from bfrt.store.store import Store, Stream
+from bfrt.store.store import Store
+from bfrt.store.stream import Stream
 
 #: Bytes of a level's read buffer.
 LEVEL_BUFFER = 1 << 16

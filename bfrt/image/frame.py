@@ -12,6 +12,11 @@ PIXEL_BYTES = 40
 #: Bytes that a band of image rows takes while it is written, encoders' copies included.
 IMAGE_BAND = 4 << 20
 
+#: Rows that OpenEXR compresses together, and how often it has them: as they come, as they are put
+#: together, and as they are compressed (measured, with rows of 2,000 to 65,535 pixels).
+EXR_ROWS = 16
+EXR_COPIES = 3
+
 #: Of the memory that a frame may share: what a whole frame takes at the most, and a band of it.
 FRAME_PART = 0.5
 BAND_PART = 0.15
@@ -45,6 +50,11 @@ class FrameSize(NamedTuple):
         """Return the bytes of the finished image, in memory or on disk."""
         return self.width * self.height * (PIXEL_BYTES + self.extra)
 
+    @property
+    def written_bytes(self) -> int:
+        """Return the bytes that a writer of the image takes, when there is no film any more."""
+        return EXR_ROWS * EXR_COPIES * self.width * (PIXEL_BYTES + self.extra) + IMAGE_BAND
+
     def band_bytes(self, rows: int) -> int:
         """Return the bytes of the film of a band of rows, while the image is on disk."""
         corners = self.samples == 0
@@ -53,8 +63,8 @@ class FrameSize(NamedTuple):
 
     @property
     def whole_bytes(self) -> int:
-        """Return the bytes of the film and of the image made from it, which exist together."""
-        return self.band_bytes(self.height) + self.image_bytes
+        """Return the bytes of the film, or then of a writer, and of the image made from it."""
+        return max(self.band_bytes(self.height), self.written_bytes) + self.image_bytes
 
 
 class HeldFrame(NamedTuple):
@@ -84,4 +94,5 @@ def held_frame(frame: FrameSize, room: int, fewest: int) -> HeldFrame:
     row = frame.band_bytes(2) - first
     fits = int((room * BAND_PART - first) / row) + 1
     rows = min(frame.height, max(fits, -(-fewest // frame.width)))
-    return HeldFrame(rows, frame.band_bytes(rows), on_disk=True)
+    taken = max(frame.band_bytes(rows), frame.written_bytes)
+    return HeldFrame(rows, taken, on_disk=True)

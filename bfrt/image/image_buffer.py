@@ -74,10 +74,25 @@ class ImageBuffer:
             }
 
 
+def expect(pixels: npt.NDArray[Any], rows: slice) -> None:
+    """Have the system read rows of an array on disk at once, not page by page."""
+    mapped = map_of(pixels)
+    if mapped is not None:
+        start = pixels[rows].ctypes.data - np.frombuffer(mapped, np.uint8).ctypes.data
+        page = start // mmap.PAGESIZE * mmap.PAGESIZE
+        mapped.madvise(mmap.MADV_WILLNEED, page, start - page + pixels[rows].nbytes)
+
+
 def forget(pixels: npt.NDArray[Any]) -> None:
     """Release the memory of the parts read of an array on disk."""
+    mapped = map_of(pixels)
+    if mapped is not None:
+        mapped.madvise(mmap.MADV_DONTNEED)
+
+
+def map_of(pixels: npt.NDArray[Any]) -> mmap.mmap | None:
+    """Return the map of a file that an array is in, or None."""
     base: Any = pixels
     while base is not None and not isinstance(base, mmap.mmap):
         base = getattr(base, "base", None)
-    if base is not None:
-        base.madvise(mmap.MADV_DONTNEED)
+    return base

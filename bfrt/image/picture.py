@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from bfrt.errors import SettingError
 from bfrt.image.exr import write_exr
-from bfrt.image.image_buffer import forget
+from bfrt.image.image_buffer import expect, forget
 from bfrt.image.png import encode_png, write_png
 from bfrt.masks import is_masked
 from bfrt.paths import check_outside, path_of, without_links
@@ -22,7 +22,9 @@ from bfrt.stats import Stats
 from bfrt.streams.atomic_write import write_parts
 
 SUFFIXES = (".exr", ".png", ".npy")
-BAND_BYTES = 1 << 24
+
+#: Bytes of the rows that are written at once; of an image on disk they are in memory meanwhile.
+BAND_BYTES = 1 << 21
 
 
 class Image:
@@ -151,6 +153,8 @@ class Image:
         """Yield the channels by bands of rows, so that saving takes a copy of a band only."""
         step = max(1, BAND_BYTES // (4 * self.width * len(self.channels)))
         for row in range(0, self.height, step):
+            for pixels in self.channels.values():
+                expect(pixels, slice(row, row + step))
             yield {name: pixels[row : row + step] for name, pixels in self.channels.items()}
             for pixels in self.channels.values():
                 forget(pixels)

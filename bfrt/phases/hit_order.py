@@ -14,7 +14,7 @@ from bfrt.ids import index_of, object_id, stream_of
 from bfrt.records import NO_HIT, plain
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import PickedObjects
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 from bfrt.streams.bucket_sort import buckets_of, gathered
 from bfrt.streams.spool import Spool
 

@@ -23,7 +23,8 @@ from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import AllRecords, Chunk
 from bfrt.stats import Counters
 from bfrt.store.model import Light
-from bfrt.store.store import Store, Stream
+from bfrt.store.store import Store
+from bfrt.store.stream import Stream
 from bfrt.streams.spool import Spool
 from bfrt.workers import Workers
 

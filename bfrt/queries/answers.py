@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
@@ -20,7 +21,7 @@ from bfrt.queries.answer_files import answer_paths
 from bfrt.records import plain
 from bfrt.refusals import calling, closing
 from bfrt.streams.atomic_write import put
-from bfrt.streams.bucket_sort import buckets_of, gathered
+from bfrt.streams.bucket_sort import Numbers, buckets_of, gathered
 from bfrt.streams.spool import Spool
 from bfrt.streams.writer import view_of
 
@@ -30,15 +31,58 @@ ROWS = 65536
 #: Where answers go: arrays by their keys, or the folder of .npy files that is made.
 Out = Mapping[str, NDArray[Any]] | str | os.PathLike[str]
 
+#: What hits of one ray are parted by where memory does not hold them.
+HALVES = (("t", True), ("t", False), ("key", True), ("key", False))
+
+
+class Order(NamedTuple):
+    """Says by which numbers records are parted, which are in [first, last)."""
+
+    numbers: Numbers
+    first: int
+    last: int
+
 
 def ordered(records: Spool, rays: int, room: int) -> Iterator[NDArray[Any]]:
     """Yield the records of a spool by ascending ray numbers, which are in [0, rays).
 
     Records have a ``number``; those that have ``t`` and ``key`` are sorted by these then. No more
-    than `room` of them are in memory at once, unless they are one ray's.
+    than `room` of them are in memory at once, unless all these are the same.
     """
-    for part in buckets_of(records, _numbers, 0, rays, room):
+    orders = [Order(_numbers, 0, rays)]
+    if "key" in (records.dtype.names or ()):
+        orders += [Order(partial(halves, name, high), 0, 1 << 32) for name, high in HALVES]
+    for part in _parts(records, orders, room):
         yield _sorted(gathered(part, len(part)))
+
+
+def _parts(records: Spool, orders: Sequence[Order], room: int) -> Iterator[Spool]:
+    """Yield the records of a spool in parts that ascend by the first order, then by the others."""
+    (numbers, first, last), *finer = orders
+    for part in buckets_of(records, numbers, first, last, room):
+        if len(part) > room and finer:  # all of one number
+            yield from _parts(part, finer, room)
+        else:
+            yield part
+
+
+def halves(name: str, high: bool, records: NDArray[Any]) -> NDArray[np.int64]:
+    """Return one half of a field's 64 bits, for integers that ascend as its values do.
+
+    Parameters
+    ----------
+    name : str
+        ``key``, uint64, or ``t``, float64 but NaN.
+    high : bool
+        Whether it is the high half.
+    """
+    if name == "t":
+        values = (records["t"] + 0.0).view(np.int64)  # -0 and 0 are one number
+        bits = np.where(values < 0, ~values, values ^ np.int64(-1 << 63)).view(np.uint64)
+    else:
+        bits = records[name]
+    half = bits >> np.uint64(32) if high else bits & np.uint64((1 << 32) - 1)
+    return half.astype(np.int64)
 
 
 def _numbers(records: NDArray[Any]) -> NDArray[np.int64]:
@@ -84,6 +128,13 @@ def rows(
         done = end
     for first in range(done, rays, ROWS):
         yield np.repeat(missed, min(rays - first, ROWS))
+
+
+def pieces(blocks: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:
+    """Yield blocks again, in pieces of which columns are made at once."""
+    for block in blocks:
+        for first in range(0, len(block), ROWS):
+            yield block[first : first + ROWS]
 
 
 def split_ends(numbers: NDArray[np.int64], first: int, last: int) -> Iterator[NDArray[np.int64]]:

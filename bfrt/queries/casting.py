@@ -28,6 +28,7 @@ from bfrt.queries.answers import (
     Fields,
     Out,
     check_out,
+    pieces,
     rows,
     shapes_of,
     split_ends,
@@ -215,10 +216,10 @@ def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, Block]
     with Columns(shapes, folder) as columns:
         columns.put({"ray_splits": np.zeros(1, np.int64)})
         hits_before = rays_before = 0
-        for block in chain(answers.ordered(), [np.empty(0, SURFACE)]):
+        for block in chain(pieces(answers.ordered()), [np.empty(0, SURFACE)]):
             numbers = block["number"].astype(np.int64)
             columns.put({"ray_ids": numbers, **_hit_columns(block)})
-            end = int(numbers[-1]) + 1 if len(numbers) else rays
+            end = int(numbers[-1]) if len(numbers) else rays  # the last one's may go on
             for ends in split_ends(numbers, rays_before, end):
                 columns.put({"ray_splits": hits_before + ends})
             hits_before, rays_before = hits_before + len(numbers), end

@@ -14,7 +14,7 @@ from bfrt.records import QUERY_RAY
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.stats import Counters
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 from bfrt.streams.spool import Spool
 from bfrt.tracer import Tracer
 from bfrt.workers import Workers

@@ -35,7 +35,8 @@ from bfrt.reference._exhaustive import (
 from bfrt.scan.files import StreamFiles
 from bfrt.scan.geometry import GeometryCursor
 from bfrt.scan.scans import READ_BUFFER
-from bfrt.store.store import Store, Stream
+from bfrt.store.store import Store
+from bfrt.store.stream import Stream
 from bfrt.workers import Workers
 
 Array = NDArray[np.float64]
@@ -167,7 +168,7 @@ def lengths(t: Array, powers: NDArray[np.int32]) -> Array:
 def ids_of(stream: Stream) -> NDArray[np.uint64]:
     """Return the ids of all objects of a stream, as they are stored."""
     if stream.ordered:
-        places = np.fromfile(stream.path("ids"), f"<u{stream.id_bytes}").astype(np.uint64)
+        places = stream.load("ids", f"<u{stream.id_bytes}").astype(np.uint64)
     else:
         places = np.arange(stream.count, dtype=np.uint64)
     return places | np.uint64(object_id(stream.number, 0))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from bfrt.errors import StoreError
-from bfrt.store.file_facts import check_size
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 from bfrt.streams.reader import Reader, SharedFile
 
 
@@ -38,15 +37,12 @@ class StreamFiles:
         Raises
         ------
         StoreError
-            If the file has another size by now than when the store was opened.
+            If the file is another by now than when the store was opened.
         StreamError
             As the system refuses.
         """
         if name not in self._files:
-            path = self._stream.path(name)
-            file = SharedFile(path, self.lazy)
-            check_size(path, self._stream.files[name].bytes)
-            self._files[name] = file
+            self._files[name] = self._stream.opened(name, self.lazy)
         return Reader(self._files[name], capacity, self.lazy)
 
     def counts(self) -> tuple[int, int]:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.scan.files import StreamFiles
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 
 class GeometryCursor:
     kind: int

@@ -1,6 +1,6 @@
 from collections.abc import Sequence
 
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 
 class GivenOrder:
     failed: int

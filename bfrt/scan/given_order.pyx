@@ -7,7 +7,6 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 import numpy as np
 
 from bfrt.errors import StreamError
-from bfrt.streams.reader import SharedFile
 
 cdef extern from "unistd.h" nogil:
     ssize_t pread(int fd, void* buffer, size_t n, int64_t offset)
@@ -30,7 +29,7 @@ cdef class GivenOrder:
         self.bytes = np.zeros(last + 1, np.intc)
         for stream in streams:
             if stream.ordered:
-                file = SharedFile(stream.path("ids"))
+                file = stream.opened("ids")
                 number = stream.number
                 self.files.append(file)
                 self.fd[number] = file.fileno()

@@ -7,7 +7,7 @@ from bfrt.scan.boxes import BoxCursor
 from bfrt.scan.column import ColumnCursor
 from bfrt.scan.files import StreamFiles
 from bfrt.scan.geometry import GeometryCursor
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 
 class StreamScan:
     boxes: BoxCursor

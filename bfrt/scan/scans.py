@@ -8,7 +8,8 @@ from bfrt.ids import index_of, stream_of
 from bfrt.scan.files import StreamFiles
 from bfrt.scan.given_order import GivenOrder
 from bfrt.scan.scan import StreamScan
-from bfrt.store.store import Group, Store, Stream
+from bfrt.store.store import Group, Store
+from bfrt.store.stream import Stream
 
 #: Bytes of one read buffer; a worker has up to three and a few small ones a stream.
 READ_BUFFER = 1 << 18

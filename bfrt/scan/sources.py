@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
-from bfrt.store.store import Stream
+from bfrt.store.stream import Stream
 from bfrt.workers import chunk_of
 
 #: The fewest objects worth handing to a thread, and the most of a chunk in order.

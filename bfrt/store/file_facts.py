@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from bfrt.errors import StoreError
 from bfrt.refusals import refused
+
+#: Opens a file of a path and flags: gives a descriptor, as the ``opener`` of Python's `open`.
+Opener = Callable[[str, int], int]
 
 
 @dataclass(frozen=True)
@@ -25,11 +29,11 @@ def damaged(path: Path, facts: FileFacts) -> StoreError:
     )
 
 
-def checksum_of(path: Path, start: int = 0) -> tuple[int, int]:
+def checksum_of(path: Path, start: int = 0, opener: Opener | None = None) -> tuple[int, int]:
     """Return the CRC-32 and the length of a file from byte `start` on, read in blocks."""
     crc = length = 0
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=opener) as file:
             file.seek(start)
             while block := file.read(1 << 22):
                 crc = zlib.crc32(block, crc)
@@ -39,21 +43,13 @@ def checksum_of(path: Path, start: int = 0) -> tuple[int, int]:
     return crc, length
 
 
-def check_size(path: Path, size: int) -> None:
-    """Refuse a file that is missing, or of another size than `size` bytes.
+def check_size(path: Path, size: int, found: int) -> None:
+    """Refuse a file of `found` bytes that should have `size`.
 
     Raises
     ------
     StoreError
-        If it is.
-    StreamError
-        As the system refuses.
+        If they differ.
     """
-    try:
-        found = path.stat().st_size
-    except (FileNotFoundError, NotADirectoryError):
-        raise StoreError(f"{path}: the file is missing: expected {size} bytes") from None
-    except OSError as error:
-        raise refused(path, 0, error, "examining") from error
     if found != size:
         raise StoreError(f"{path}: found {found} bytes, expected {size}: the store is truncated")

@@ -19,6 +19,9 @@ from bfrt.store._hierarchy import MOST_LEVELS
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.streams.writer import FileWriter
 
+#: The largest number of float32.
+LARGEST = (2.0 - 2.0**-23) * 2.0**127
+
 Check = Callable[[Any], Any]
 
 
@@ -133,8 +136,10 @@ def _field(name: str, check: Check, value: Any) -> Any:
 
 
 def bounds(value: Any) -> tuple[Vector, Vector]:
-    """Check the corners of a box."""
+    """Check the corners of a box, which are of boxes of float32."""
     lo, hi = listed(vector, 2)(value)
+    if max(map(abs, (*lo, *hi))) > LARGEST:
+        raise _wrong(value, f"coordinates that float32 has, up to {LARGEST:.3g}")
     if not all(a <= b for a, b in zip(lo, hi, strict=True)):
         raise _wrong(value, "a lower and a higher corner")
     return lo, hi

@@ -36,6 +36,14 @@ def record_of(material: Material) -> NDArray[Any]:
     return record
 
 
+def key_of(material: Material) -> bytes:
+    """Return what materials that are equal have in common: their numbers, float64.
+
+    It takes a sixth of the memory that a `Material` does.
+    """
+    return np.array([*material.color, *material[1:]], np.float64).tobytes()
+
+
 class PaletteWriter:
     """Writes the palette's file.
 
@@ -47,19 +55,19 @@ class PaletteWriter:
 
     def __init__(self, path: Path, durable: bool) -> None:
         self.count = 0
-        self._remembered: OrderedDict[Material, int] = OrderedDict()
+        self._remembered: OrderedDict[bytes, int] = OrderedDict()
         self._file = FileWriter(path, durable)
 
     def find(self, material: Material) -> int | None:
         """Return the index of a material that equals one of the last `REMEMBERED`, or None."""
-        return self._remembered.get(material)
+        return self._remembered.get(key_of(material))
 
     def add(self, material: Material, record: NDArray[Any]) -> int:
         """Write a material, whose `record_of` is given; return its index."""
         self._file.write(record.view(np.uint8))
         index = self.count
         self.count += 1
-        self._remembered[material] = index
+        self._remembered[key_of(material)] = index
         if len(self._remembered) > REMEMBERED:
             self._remembered.popitem(last=False)
         return index
@@ -86,6 +94,10 @@ class PaletteWriter:
                 f"expected 0 to {self.count - 1}: add materials first"
             )
         return indices.astype(np.uint32, copy=False)
+
+    def forget(self) -> None:
+        """Give back the memory of materials that may come again, for none will."""
+        self._remembered.clear()
 
     def close(self) -> dict[str, int]:
         """Make the file durable; return what the header says of it."""

@@ -281,6 +281,7 @@ class RecordWriter:
     def _close(self, progress: DoneReport | None) -> dict[str, Any]:
         """Complete all files of groups and palette; return what the header says of them."""
         origin = self._coordinates.origin
+        self._palette.forget()
         unordered = sum(group.unordered for group in self._groups)
         passes = Passes(staged(progress, "ordering", unordered) if unordered else None)
         groups = [group.close(origin, passes) for group in self._groups]

@@ -25,7 +25,7 @@ from __future__ import annotations
 import json
 import os
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,96 +33,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
-from bfrt.ids import index_of, stream_number, stream_of
-from bfrt.paths import HEADER, MAGIC, header_at, path_of, without_links
-from bfrt.records import (
-    BOX_BYTES,
-    CODE_BYTES,
-    MATERIAL,
-    NODE_BYTES,
-    OFFSET_BYTES,
-    PARENT_BYTES,
-    SCALARS,
-    TREELET_BYTES,
-    Kind,
-)
-from bfrt.refusals import refused
+from bfrt.ids import index_of, stream_of
+from bfrt.paths import HEADER, MAGIC, header_at, path_of
+from bfrt.records import MATERIAL, Kind
 from bfrt.store.extent import NOTHING, Bounds
-from bfrt.store.file_facts import FileFacts, check_size, checksum_of, damaged
+from bfrt.store.file_facts import FileFacts, checksum_of, damaged
+from bfrt.store.folder import StoreFolder
 from bfrt.store.header import HEADER_FIELDS, MADE_FIELDS, digest_of, header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Vector
-from bfrt.streams.litter import restore
+from bfrt.store.stream import Stream
 
 VERSION = 5
 MADE = "made.json"
 PALETTE = "palette"
-
-
-@dataclass(frozen=True)
-class Stream:
-    """Describes all objects of one kind in one group."""
-
-    folder: Path
-    group: int
-    kind: Kind
-    count: int
-    wide: bool
-    degenerate: int
-    material: int
-    material_bytes: int
-    vertices: int
-    largest: int
-    levels: tuple[int, ...]
-    quantised: bool
-    id_bytes: int
-    treelets: int
-    nodes: int
-    treelet_bytes: int
-    files: dict[str, FileFacts]
-
-    @property
-    def number(self) -> int:
-        """Return the stream's part of an object id."""
-        return stream_number(self.group, self.kind)
-
-    @property
-    def stride(self) -> int:
-        """Return the bytes of a record; for polygons, of a vertex."""
-        return SCALARS[self.kind] * (8 if self.wide else 4)
-
-    @property
-    def ordered(self) -> bool:
-        """Tell whether objects are in spatial order, in treelets."""
-        return self.id_bytes > 0
-
-    @property
-    def boxed(self) -> bool:
-        """Tell whether boxes are stored; others are worked out of the records, of one size."""
-        return self.kind.boxed and (self.kind.counted or not self.ordered)
-
-    def path(self, name: str) -> Path:
-        return self.folder / name
-
-    def expected_bytes(self) -> dict[str, int]:
-        """Return the size of each file, bytes, that the counts imply."""
-        records = self.vertices if self.kind.counted else self.count
-        sizes = {"geometry": records * self.stride}
-        if self.boxed:
-            sizes["boxes"] = self.count * BOX_BYTES
-        if self.kind.counted:
-            sizes["offsets"] = self.count * OFFSET_BYTES
-        if self.material_bytes:
-            sizes["materials"] = self.count * self.material_bytes
-        for number, count in enumerate(self.levels, 1):
-            sizes[f"level{number}"] = count * PARENT_BYTES
-        if self.quantised:
-            sizes["quantised"] = self.count * CODE_BYTES
-        if self.ordered:
-            sizes["ids"] = self.count * self.id_bytes
-            sizes["nodes"] = self.nodes * NODE_BYTES
-            sizes["treelets"] = self.treelets * TREELET_BYTES
-        return sizes
 
 
 @dataclass(frozen=True)
@@ -156,8 +80,8 @@ class Store:
 
     Attributes
     ----------
-    path : Path
-        Where it is.
+    folder : StoreFolder
+        The folder, opened: what is read is in there.
     origin : tuple of 3 float
         The point that boxes and float32 coordinates are relative to, world coordinates.
     bounds : Bounds
@@ -170,7 +94,7 @@ class Store:
         The color that rays see that hit nothing.
     """
 
-    path: Path
+    folder: StoreFolder
     origin: tuple[float, float, float]
     bounds: Bounds
     groups: list[Group]
@@ -182,6 +106,11 @@ class Store:
     hierarchy_seconds: float
     checksum: int
     header_bytes: int = field(repr=False)
+
+    @property
+    def path(self) -> Path:
+        """Return where it was opened."""
+        return self.folder.path
 
     @property
     def streams(self) -> list[Stream]:
@@ -207,6 +136,22 @@ class Store:
         files = sum(f.bytes for s in self.streams for f in s.files.values())
         return files + self.palette.bytes + self.header_bytes
 
+    def moved(self, path: Path) -> Store:
+        """Return this store under the name that its folder has got."""
+        there = self.folder.path
+        groups = [
+            replace(
+                group,
+                streams=[
+                    replace(stream, folder=path / stream.folder.relative_to(there))
+                    for stream in group.streams
+                ],
+            )
+            for group in self.groups
+        ]
+        self.folder.move(path)
+        return replace(self, groups=groups)
+
     def files(self) -> list[tuple[Path, FileFacts]]:
         """Return every file that the header lists."""
         listed = [(s.path(name), f) for s in self.streams for name, f in s.files.items()]
@@ -223,10 +168,7 @@ class Store:
             As the system refuses.
         """
         path = self.path / PALETTE
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise refused(path, 0, error, "reading") from error
+        data = self.folder.read(path)
         if len(data) != self.palette.bytes or zlib.crc32(data) != self.palette.crc32:
             raise damaged(path, self.palette)
         return np.frombuffer(data, MATERIAL)
@@ -240,10 +182,22 @@ class Store:
             If a file differs from what was written; it names the first. `Scene.verify` reads the
             marks too.
         """
-        open_store(self.path)
+        self.folder.check()
+        self.check_sizes()
         for path, facts in self.files():
-            if checksum_of(path) != (facts.crc32, facts.bytes):
-                raise damaged(path, facts)
+            if checksum_of(path, opener=self.folder.opener) != (facts.crc32, facts.bytes):
+                raise self.folder.fault() or damaged(path, facts)
+
+    def check_sizes(self) -> None:
+        """Refuse files that are missing, or of other sizes than the header says.
+
+        Raises
+        ------
+        StoreError
+            If one is.
+        """
+        for path, facts in self.files():
+            self.folder.examine(path, facts.bytes)
 
 
 def open_store(path: str | os.PathLike[str]) -> Store:
@@ -255,28 +209,11 @@ def open_store(path: str | os.PathLike[str]) -> Store:
         If it is not a store, of another version, damaged or truncated.
     """
     path = path_of("store", path)
-    file = path / HEADER
-    try:
-        data = _data_of(file)
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
-        raise StoreError(f"{path}: not a scene store: expected a directory with {HEADER}") from None
-    except OSError as error:
-        raise refused(file, 0, error, "reading") from error
-    store = _parse(path, data)
-    for stream in store.streams:
-        _check_sizes(stream)
-    check_size(path / PALETTE, store.palette.bytes)
+    folder = StoreFolder(path)
+    with folder.closed_on_error():
+        store = _parse(folder)
+        store.check_sizes()
     return store
-
-
-def _data_of(file: Path) -> bytes:
-    """Return a header's text, also where the replacement of its store has ended half-way."""
-    try:
-        return file.read_bytes()
-    except FileNotFoundError:
-        if not restore(without_links(file.parent)):
-            raise
-    return file.read_bytes()
 
 
 def has_magic(path: Path) -> bool:
@@ -287,8 +224,8 @@ def has_magic(path: Path) -> bool:
         return False
 
 
-def _parse(path: Path, data: bytes) -> Store:
-    file = path / HEADER
+def _parse(folder: StoreFolder) -> Store:
+    file, data = folder.path / HEADER, folder.header
     try:
         header = json.loads(data)
         magic = header["magic"]
@@ -305,7 +242,9 @@ def _parse(path: Path, data: bytes) -> Store:
     if not _is_whole(header, data):
         raise StoreError(f"{file}: the header is damaged: its checksum does not match")
     try:
-        return _store(path, HEADER_FIELDS(header), digest_of(header), len(data))
+        return _store(folder, HEADER_FIELDS(header), digest_of(header))
+    except StoreError:
+        raise
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{file}: {error}") from None
 
@@ -318,20 +257,20 @@ def _is_whole(header: dict[str, Any], data: bytes) -> bool:
         return False
 
 
-def _store(path: Path, header: dict[str, Any], digest: int, size: int) -> Store:
+def _store(folder: StoreFolder, header: dict[str, Any], digest: int) -> Store:
     store = Store(
-        path=path,
+        folder=folder,
         origin=header["origin"],
         bounds=bounds_from(header["bounds"]),
-        groups=[_group(path, number, g) for number, g in enumerate(header["groups"])],
+        groups=[_group(folder, number, g) for number, g in enumerate(header["groups"])],
         camera=header["camera"],
         lights=list(header["lights"]),
         background=header["background"],
         palette=FileFacts(**header["palette"]),
         hierarchy=Hierarchy(**header["hierarchy"]),
-        hierarchy_seconds=_made(path / MADE),
+        hierarchy_seconds=_made(folder),
         checksum=digest,
-        header_bytes=size,
+        header_bytes=len(folder.header),
     )
     materials, rest = divmod(store.palette.bytes, MATERIAL.itemsize)
     if rest or any(s.material >= materials for s in store.streams if s.count):
@@ -341,14 +280,10 @@ def _store(path: Path, header: dict[str, Any], digest: int, size: int) -> Store:
     return store
 
 
-def _made(file: Path) -> float:
+def _made(folder: StoreFolder) -> float:
     """Return the seconds that the hierarchy took."""
-    try:
-        data = file.read_bytes()
-    except (FileNotFoundError, NotADirectoryError):
-        raise StoreError(f"{file}: the file is missing") from None
-    except OSError as error:
-        raise refused(file, 0, error, "reading") from error
+    file = folder.path / MADE
+    data = folder.read(file)
     try:
         made = json.loads(data)
         if _is_whole(made, data):
@@ -358,23 +293,25 @@ def _made(file: Path) -> float:
     raise StoreError(f"{file}: the file is damaged: its checksum does not match")
 
 
-def _group(path: Path, number: int, group: dict[str, Any]) -> Group:
+def _group(home: StoreFolder, number: int, group: dict[str, Any]) -> Group:
     streams = []
     for stream in group["streams"]:
         kind = Kind(stream["kind"])
         facts = {name: FileFacts(**f) for name, f in stream["files"].items()}
         rest = {k: v for k, v in stream.items() if k not in ("kind", "files")}
-        folder = path / str(number) / kind.label
-        streams.append(Stream(folder=folder, group=number, kind=kind, files=facts, **rest))
+        folder = home.path / str(number) / kind.label
+        made = Stream(home, folder, group=number, kind=kind, files=facts, **rest)
+        made.check_header()
+        streams.append(made)
     counts = {s.number: s.count for s in streams}
     outliers = list(group["outliers"])
     for id in outliers:
         if index_of(id) >= counts.get(stream_of(id), 0):
             raise ValueError(f"outliers: found id {id}, expected an object of group {number}")
-    made = Group(number, streams, bounds_from(group["grid_bounds"]), outliers)
-    if made.gridded < 0 or (made.gridded > 0 and made.grid_bounds.empty):
-        raise ValueError(f"groups: found {made.gridded} objects in a grid that does not fit them")
-    return made
+    whole = Group(number, streams, bounds_from(group["grid_bounds"]), outliers)
+    if whole.gridded < 0 or (whole.gridded > 0 and whole.grid_bounds.empty):
+        raise ValueError(f"groups: found {whole.gridded} objects in a grid that does not fit them")
+    return whole
 
 
 def bounds_from(value: tuple[Vector, Vector] | None) -> Bounds:
@@ -384,11 +321,3 @@ def bounds_from(value: tuple[Vector, Vector] | None) -> Bounds:
 
 def bounds_to(bounds: Bounds) -> list[list[float]] | None:
     return None if bounds.empty else [bounds.lo.tolist(), bounds.hi.tolist()]
-
-
-def _check_sizes(stream: Stream) -> None:
-    expected = stream.expected_bytes()
-    if {name: facts.bytes for name, facts in stream.files.items()} != expected:
-        raise StoreError(f"{stream.folder}: the header contradicts its own counts")
-    for name, size in expected.items():
-        check_size(stream.path(name), size)

@@ -355,8 +355,9 @@ class StoreWriter(RecordWriter):
             with in_memory(f"{self.path}: completing"):
                 self._put(HEADER, self._header(progress))
                 self._folder.sync()
-                open_store(self._folder.aside)  # what replaces a store is whole
-                self._folder.take_name()
+                made = open_store(self._folder.aside)  # what replaces a store is whole
+                with made.folder.closed_on_error():
+                    self._folder.take_name()
         except BaseException:
             self.abandon()
             raise
@@ -365,7 +366,7 @@ class StoreWriter(RecordWriter):
         if degenerate:
             told = "%s: %d degenerate objects (no length, no area) are kept and never hit"
             log.warning(told, self.path, degenerate)
-        return open_store(self.path)
+        return made.moved(self.path)
 
     def _header(self, progress: DoneReport | None = None) -> dict[str, Any]:
         """Complete all other files; return what the header says."""

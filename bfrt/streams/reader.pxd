@@ -21,8 +21,6 @@ cdef class SharedFile:
     cdef int64_t bytes_read
     cdef int64_t seeks
 
-    cdef int opened(self) except -1
-
 
 cdef extern from *:
     """

@@ -1,9 +1,17 @@
 import os
+from collections.abc import Callable
+
+FLAGS: int
 
 class SharedFile:
     path: str
     size: int
-    def __init__(self, path: str | os.PathLike[str], prefetched: bool = False) -> None: ...
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        prefetched: bool = False,
+        opener: Callable[[str, int], int] = ...,
+    ) -> None: ...
     def fileno(self) -> int: ...
     def counts(self) -> tuple[int, int]: ...
 

@@ -43,6 +43,9 @@ cdef enum:
     GAP = 1 << 16   # bytes that are read through: a seek costs as much as 30 to 100 KB of reading
     PREFETCH_GAP = 1 << 14  # where many requests are under way, a request costs as much as so many
 
+#: How files are opened.
+FLAGS = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0)
+
 
 @cython.final
 cdef class SharedFile:
@@ -54,6 +57,8 @@ cdef class SharedFile:
         The file.
     prefetched : bool
         Whether it will be read where that is prefetched, too.
+    opener : callable, optional
+        Gives a descriptor for the path and flags, as for Python's own `open`.
 
     Raises
     ------
@@ -61,21 +66,17 @@ cdef class SharedFile:
         If it cannot be opened.
     """
 
-    def __cinit__(self, path, bint prefetched=False):
+    def __cinit__(self, path, bint prefetched=False, opener=os.open):
         self.fd = self.prefetch_fd = -1
         self.path = os.fspath(path)
         try:
-            self.fd = self.opened()
+            self.fd = opener(self.path, FLAGS)
             self.size = os.fstat(self.fd).st_size
             if prefetched:
-                self.prefetch_fd = self.opened()
+                self.prefetch_fd = opener(self.path, FLAGS)
                 no_read_ahead(self.prefetch_fd)
         except OSError as error:
             raise StreamError(self.path, 0, error.errno, "opening") from None
-
-    cdef int opened(self) except -1:
-        """Open a descriptor of the file."""
-        return os.open(self.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
 
     def __dealloc__(self):
         for fd in (self.fd, self.prefetch_fd):

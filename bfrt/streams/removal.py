@@ -31,5 +31,5 @@ def remove_folder(path: Path) -> OSError | None:
         except FileNotFoundError:
             return None
         except OSError as error:
-            refusal = error
+            refusal = error.with_traceback(None)  # which would keep what callers hold
     return refusal

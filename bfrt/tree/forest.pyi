@@ -2,7 +2,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from bfrt.store.store import Store, Stream
+from bfrt.store.store import Store
+from bfrt.store.stream import Stream
 
 TREELET_SHARE: int
 PARTS: tuple[str, ...]

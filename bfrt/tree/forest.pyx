@@ -45,11 +45,7 @@ def table_of(stream):
     StreamError
         As the system refuses.
     """
-    path = stream.path("treelets")
-    try:
-        table = np.fromfile(path, TREELET)
-    except OSError as error:
-        raise refused(path, 0, error, "reading") from error
+    path, table = stream.path("treelets"), stream.load("treelets", TREELET)
     good = len(table) == stream.treelets
     for begin, size, end in (("first", "count", stream.count), ("node", "nodes", stream.nodes)):
         begins, sizes = table[begin], table[size].astype(np.uint64)
@@ -148,7 +144,7 @@ cdef class Forest:
 
     cdef void* opened(self, stream, name) except NULL:
         """Open a file of a stream for as long as this is there."""
-        file = SharedFile(stream.path(name), True)
+        file = stream.opened(name, True)
         self.files.append(file)
         return <void*>file
 

@@ -14,7 +14,7 @@ from meshes import convert, failure
 
 import bfrt
 from bfrt.errors import BudgetError
-from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, OBJECTS, need_of, rooms_for
+from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, need_of, rooms_for
 from bfrt.memory import BASELINE, parse_memory
 
 SUFFIXES = ("nff", "stl", "npy", "ply", "obj")
@@ -73,8 +73,8 @@ def test_the_least_follows_the_file(tmp_path, suffix):
     assert "expected 53MiB or more" in failure(path, BudgetError, memory="52MiB", **asked(suffix))
     with path.open("ab") as file:
         file.truncate(1 << 40)  # more than any block
-    mesh = suffix in ("ply", "obj")
-    assert least_of(path, **asked(suffix)) == ("144MiB" if mesh else "100MiB")
+    least = {"ply": "144MiB", "obj": "144MiB", "nff": "132MiB"}
+    assert least_of(path, **asked(suffix)) == least.get(suffix, "100MiB")
 
 
 def room_for(name, memory, size=None, **asked):
@@ -96,13 +96,17 @@ def test_what_is_left_is_for_vertices(tmp_path):
     assert room_for(str(path), 1 << 30) == (1 << 30) - BASELINE - GROWTH * size
     assert room_for("none.ply", BASELINE) == 0
     assert room_for("spd:balls:3", BASELINE + 640, 10) == 0
-    for name, taken in (("-", OBJECTS), ("a.h5", FORMATS[".h5"]), ("a.laz", FORMATS[".laz"])):
+    for name, taken in (
+        ("-", FORMATS[".nff"]),
+        ("a.h5", FORMATS[".h5"]),
+        ("a.laz", FORMATS[".laz"]),
+    ):
         least = BASELINE + taken.library + taken.blocks + taken.fewest
         assert room_for(name, least) == taken.fewest
         with pytest.raises(BudgetError, match=re.escape(name)):
             room_for(name, least - 1)
     assert MESH.fewest == FEWEST
-    least = BASELINE + OBJECTS.blocks
+    least = BASELINE + FORMATS[".nff"].blocks
     assert room_for("-", least) == 0
     with pytest.raises(BudgetError):
         room_for("-", least, colored=True)
@@ -112,9 +116,9 @@ def test_what_is_left_is_for_vertices(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
 def test_nobody_knows_what_a_pipe_holds(tmp_path):
     os.mkfifo(tmp_path / "a.nff")
-    assert room_for(str(tmp_path / "a.nff"), BASELINE + OBJECTS.blocks) == 0
+    assert room_for(str(tmp_path / "a.nff"), BASELINE + FORMATS[".nff"].blocks) == 0
     with pytest.raises(BudgetError):
-        room_for(str(tmp_path / "a.nff"), BASELINE + OBJECTS.blocks - 1)
+        room_for(str(tmp_path / "a.nff"), BASELINE + FORMATS[".nff"].blocks - 1)
 
 
 def test_of_several_files_the_one_that_takes_most_counts(tmp_path):

@@ -259,7 +259,7 @@ def test_a_read_that_fails_is_one_error_and_the_next_query_works(damaged, part, 
 
 
 @pytest.mark.parametrize("form", ["resident", "streamed"])
-def test_a_system_that_refuses_reads(damaged, form):
+def test_a_system_that_refuses_reads(damaged, form, monkeypatch):
     """Linux fails reads of the first page of a process's memory with EIO."""
     store, *rays = damaged
     scene = formed(store, form)
@@ -272,6 +272,7 @@ def test_a_system_that_refuses_reads(damaged, form):
         path.open("rb").close()
     except OSError:
         pytest.skip("no /proc/self/mem here")
+    monkeypatch.setattr("bfrt.store.folder.check_size", lambda *_: None)  # it says it is empty
     with pytest.raises(StreamError) as caught:
         for query in QUERIES:
             getattr(scene, query)(*rays)
@@ -287,8 +288,8 @@ def test_a_file_that_is_gone_by_now(damaged):
     for part in ("nodes", "treelets", "ids"):
         path = store.streams[0].path(part)
         kept = path.rename(path.with_suffix(".kept"))
-        with pytest.raises(StreamError) as caught:
+        with pytest.raises(StoreError) as caught:
             scene.cast_rays(*rays)
-        assert str(caught.value).startswith(f"{path}: ")
+        assert str(caught.value) == f"{path}: the file is missing"
         kept.rename(path)
     assert np.isfinite(scene.cast_rays(*rays)["t_hit"]).any()

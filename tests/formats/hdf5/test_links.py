@@ -8,11 +8,10 @@ import shutil
 
 import numpy as np
 import pytest
-from hdf5_files import CENTERS, LAYOUTS, MASS, link, snapshot, virtual, write
+from hdf5_files import CENTERS, MASS, link, snapshot, virtual, write
 from meshes import convert, failure, outcome, shades, shapes_of, spheres
 
-from bfrt.errors import SettingError, StreamError
-from bfrt.formats import trial
+from bfrt.errors import BfrtError, SettingError, ShortReadError, StreamError
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: bfrt[hdf5]")
 
@@ -186,20 +185,61 @@ def test_sources_by_number(file, small_blocks):
     assert failure(file, radius=1).startswith(said)
 
 
-def test_rows_kept_in_other_files_are_refused(file, tmp_path_factory):
-    """External storage would read any file as coordinates."""
+@pytest.fixture
+def raw(file, tmp_path_factory):
+    """A file of rows and no more, which a dataset names."""
     raw = tmp_path_factory.mktemp("raw") / "secret"
-    raw.write_bytes(CENTERS.tobytes())
+    raw.write_bytes(bytes(7) + CENTERS.tobytes())
     with h5py.File(file, "w") as made:
-        made.create_dataset("pos", (20, 3), "f4", external=[(str(raw), 0, 240)])
-    said = "pos: found rows kept outside of HDF5 (external storage), expected them in HDF5 files"
+        made.create_dataset("pos", (20, 3), "f4", external=[(str(raw), 7, 240)])
+    return raw
+
+
+@pytest.mark.usefixtures("raw")
+def test_rows_kept_in_other_files_are_refused(file):
+    """External storage would read any file as coordinates."""
+    said = (
+        "pos: found rows kept outside of HDF5 (external storage), expected them in HDF5 files, or "
+        "external_storage=True"
+    )
     assert failure(file, radius=1) == said
+    assert failure(over(file), radius=1) == said
+
+
+def over(file):
+    """A virtual dataset over that of a file."""
     layout = h5py.VirtualLayout((20, 3), "f4")
     layout[:] = h5py.VirtualSource("a.h5", "pos", (20, 3))
     other = file.with_name("b.h5")
     with h5py.File(other, "w") as made:
         made.create_virtual_dataset("pos", layout)
-    assert failure(other, radius=1) == said
+    return other
+
+
+@pytest.mark.usefixtures("raw")
+def test_rows_kept_in_other_files_are_read_where_that_is_asked_for(file, small_blocks):
+    for path in (file, over(file)):
+        assert shapes_of(convert(path, radius=1, external_storage=True)) == spheres(CENTERS, 1)
+
+
+def test_rows_kept_in_files_that_are_not_whole(file, raw):
+    """HDF5 would read zeros, or wait."""
+    os.truncate(raw, 200)
+    said = f"{raw}: asked for 240 bytes at byte 7, found 193: the file is truncated"
+    with pytest.raises(ShortReadError) as caught:
+        convert(file, radius=1, external_storage=True)
+    assert str(caught.value) == said
+    raw.unlink()
+    assert "No such file" in failure(file, BfrtError, radius=1, external_storage=True)
+    os.mkfifo(raw)
+    said = f"pos: found rows in {str(raw)!r}, which is no file, expected one"
+    assert failure(file, radius=1, external_storage=True) == said
+
+
+def test_other_formats_know_no_external_storage(tmp_path):
+    np.save(tmp_path / "a.npy", CENTERS)
+    said = failure(tmp_path / "a.npy", SettingError, radius=1, external_storage=True)
+    assert said.startswith("found external_storage=True, expected none for .npy files")
 
 
 def damaged(path, seed):
@@ -218,38 +258,3 @@ def test_flipped_bytes_of_virtual_datasets(file, seed):
     virtual(file)
     damaged(file, seed)
     outcome(file, radius=1)
-
-
-def test_a_trial_takes_no_modules_of_the_working_folder(file, monkeypatch):
-    """Such as sources of bfrt that are not built."""
-    write(file, snapshot())
-    (file.parent / "bfrt").mkdir()
-    (file.parent / "bfrt" / "__init__.py").write_text("raise ImportError('not built')\n")
-    monkeypatch.chdir(file.parent)
-    trial.try_file(str(file))
-    trial.try_file(file.name)
-
-
-@pytest.mark.parametrize("way", ["itself", "link"])
-def test_what_ends_hdf5_is_one_sentence(file, way, monkeypatch):
-    """Wherever it is that leads to it."""
-    monkeypatch.setattr(trial, "TRY", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
-    virtual(file)
-    if way == "link":
-        file.rename(file.with_name("other.h5"))
-        write(file, {"b": MASS})
-        link(file, Coordinates=("other.h5", "/Coordinates"))
-    said = "found what ends HDF5 itself (status -9), expected datasets that are whole"
-    assert failure(file, radius=1) == said
-
-
-@pytest.mark.parametrize("libver", [None, "latest"])
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_no_other_process_is_made_for_what_is_not_virtual(file, layout, libver, monkeypatch):
-    monkeypatch.setattr(trial, "TRY", "raise SystemExit(1)")
-    write(file, {**snapshot(names=["a", "b"]), "number": 3.0}, layout, libver)
-    with h5py.File(file, "a") as made:
-        for k in range(50):
-            made["PartType0/Coordinates"].attrs[f"note {k}"] = "x" * 500
-        made["soft"] = h5py.SoftLink("/PartType0")
-    assert shapes_of(convert(file, radius=1)) == spheres(CENTERS, 1)

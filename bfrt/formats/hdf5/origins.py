@@ -14,8 +14,10 @@ from __future__ import annotations
 
 import errno
 import itertools
+import math
 import os
 import re
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,14 +25,20 @@ from typing import Any, NamedTuple
 import h5py
 from h5py import h5d, h5f, h5i, h5o, h5s
 
-from bfrt.errors import SceneError, ShortReadError, StreamError
+from bfrt.errors import BudgetError, SceneError, ShortReadError, StreamError
+from bfrt.memory import format_memory
 from bfrt.refusals import calling
 
 #: Virtual datasets over virtual ones, at the most.
 DEEPEST = 16
 
-#: The variable that has the folders where HDF5 looks for such files first.
+#: The variable that has the folders where HDF5 looks for such files first, and the one that has the
+#: folder of files of external storage.
 PREFIXES = "HDF5_VDS_PREFIX"
+RAW_PREFIX = "HDF5_EXTFILE_PREFIX"
+
+#: HDF5 unpacks a chunk whole: it holds what is packed, what is not, and what each filter makes.
+CHUNKS_AT_ONCE = 4
 
 
 def opened(file: str) -> Any:
@@ -89,10 +97,34 @@ class Part(NamedTuple):
     shape: tuple[int, ...]
 
 
-class Origins:
-    """Keeps the files that datasets are made of open."""
+class Limits(NamedTuple):
+    """Says what of a dataset is read.
 
-    def __init__(self) -> None:
+    Attributes
+    ----------
+    taken : int
+        Bytes of a budget that are not for chunks, for errors.
+    room : int
+        Bytes that HDF5 may take for chunks.
+    external_storage : bool
+        Whether rows may be in files that are no HDF5.
+    """
+
+    taken: int
+    room: int
+    external_storage: bool = False
+
+
+class Origins:
+    """Keeps the files that datasets are made of open.
+
+    Parameters
+    ----------
+    limits : Limits
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
         self._files: dict[int, Opened] = {}
         self._named: dict[str, Any] = {}
         self._whole: set[tuple[int, int]] = set()
@@ -111,16 +143,20 @@ class Origins:
         Raises
         ------
         SceneError
-            If something is missing, or it is made of itself, or of files that are no HDF5.
+            If something is missing, or it is made of itself, or of files that are no HDF5 and
+            are not asked for.
+        BudgetError
+            If it has chunks that are larger than the room for them.
         OSError
             If the system refuses to open or read what is there.
         """
         info, plist = h5o.get_info(dataset), dataset.get_create_plist()
         key = info.fileno, info.addr
-        if plist.get_external_count():
+        check_chunks(dataset, plist, place, self._limits)
+        if plist.get_external_count() and not self._limits.external_storage:
             raise SceneError(
                 f"{place}: found rows kept outside of HDF5 (external storage), expected them in "
-                "HDF5 files"
+                "HDF5 files, or external_storage=True"
             )
         if key in outer or len(outer) == DEEPEST:
             raise SceneError(
@@ -133,6 +169,8 @@ class Origins:
         if plist.get_layout() == h5d.VIRTUAL:
             for k in range(plist.get_virtual_count()):
                 self._add_parts(plist, k, home, place, (*outer, key))
+        for k in range(plist.get_external_count()):
+            self._add_raw(plist.get_external(k), home, place)
         self._whole.add(key)
 
     def check_sizes(self) -> None:
@@ -164,6 +202,20 @@ class Origins:
                 size = os.fstat(descriptor).st_size
             self._files[descriptor] = Opened(name, size, file)
         return self._files[descriptor]
+
+    def _add_raw(self, raw: tuple[bytes, int, int], home: Opened, place: str) -> None:
+        """Open a file that has rows as they are, from a byte on."""
+        name, offset, size = raw
+        folder = os.environ.get(RAW_PREFIX, "").replace("${ORIGIN}", str(Path(home.name).parent))
+        path = os.path.join(folder, os.fsdecode(name))  # noqa: PTH118
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        file = os.fdopen(descriptor, "rb", buffering=0)
+        there = os.fstat(descriptor)
+        self._files[descriptor] = Opened(path, there.st_size, file)
+        if not stat.S_ISREG(there.st_mode):
+            raise SceneError(f"{place}: found rows in {path!r}, which is no file, expected one")
+        if size != h5s.UNLIMITED and there.st_size < offset + size:
+            raise ShortReadError(path, offset, size, max(0, there.st_size - offset))
 
     def _add_parts(self, plist: Any, k: int, home: Opened, place: str, outer: Any) -> None:
         """Open the files that a mapping leads to."""
@@ -205,6 +257,22 @@ class Origins:
         if refused is not None:
             raise refused
         return None
+
+
+def check_chunks(dataset: Any, plist: Any, place: str, limits: Limits) -> None:
+    """Refuse a dataset whose packed chunks are larger than the room for them.
+
+    Of chunks that are not packed HDF5 reads what is asked for.
+    """
+    if plist.get_layout() != h5d.CHUNKED or not plist.get_nfilters():
+        return
+    size = math.prod(plist.get_chunk()) * dataset.get_type().get_size()
+    takes = CHUNKS_AT_ONCE * size
+    if takes > limits.room:
+        raise BudgetError(
+            f"{place}: found packed chunks of {size} bytes, which HDF5 reads whole, expected "
+            f"smaller ones, or memory={format_memory(limits.taken + 2 * takes)} or more"
+        )
 
 
 def check_shape(dataset: Any, part: Part, place: str) -> None:

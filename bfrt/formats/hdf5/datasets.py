@@ -18,11 +18,10 @@ from h5py import h5d, h5g, h5i, h5l, h5o
 from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError, SceneError
+from bfrt.formats.hdf5.origins import Limits, Origins, close, opened, refusal_of
 from bfrt.formats.naming import within
-from bfrt.formats.origins import Origins, close, opened, refusal_of
 from bfrt.formats.source import Source, printable
 from bfrt.formats.table import Array, Column, Path, paths_of
-from bfrt.formats.trial import may_be_virtual, try_file
 
 
 def failure(
@@ -116,8 +115,7 @@ class Datasets(Mapping[str, Array]):
     Parameters
     ----------
     source : Source
-    tried : bool
-        Whether it is known that HDF5 can open them all.
+    limits : Limits
 
     Raises
     ------
@@ -127,10 +125,9 @@ class Datasets(Mapping[str, Array]):
         If the system refuses to read it.
     """
 
-    def __init__(self, source: Source, *, tried: bool = False) -> None:
+    def __init__(self, source: Source, limits: Limits) -> None:
         self._source = source
-        self._tried = tried
-        self._origins = Origins()
+        self._origins = Origins(limits)
         try:
             self._file = opened(source.name)
         except Exception as error:  # h5py has them of every kind for files that are broken
@@ -191,25 +188,9 @@ class Datasets(Mapping[str, Array]):
                 seen.add((info.fileno, info.addr))
                 files.setdefault(info.fileno, h5i.get_file_id(thing))
                 inner, outer = links_of(thing)
-                if not self._tried and self._is_unclear(thing, inner, outer):
-                    try_file(self._source.name)
-                    self._tried = True
                 hard.extend(within(path, name) for name in reversed(inner))
                 linked.extend(within(path, name) for name in outer)
                 self._listed.update(dict.fromkeys(names_of(path, thing)))
-
-    def _is_unclear(self, group: Any, inner: list[str], outer: list[str]) -> bool:
-        """Tell whether a group's links may lead to a virtual dataset, here or in another file."""
-        if any(group.links.get_info(os.fsencode(name)).type != h5l.TYPE_SOFT for name in outer):
-            return True
-        plist = self._file.id.get_create_plist()
-        known, begin = plist.get_sizes() == (8, 8), plist.get_userblock()
-        infos = (h5o.get_info(group, os.fsencode(name)) for name in inner)
-        return any(
-            not known or may_be_virtual(self._source, begin + info.addr)
-            for info in infos
-            if info.type == h5o.TYPE_DATASET
-        )
 
     def _opened(self, path: str, follows: bool) -> Any:
         """Open the object at a path; None where a link to follow leads nowhere."""

@@ -1,0 +1,54 @@
+"""HDF5: datasets of particles, or of a mesh, by h5py, a block of rows at a time.
+
+Of the room that a budget leaves one half is for chunks, which HDF5 holds whole, and one half for a
+mesh's vertices.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from contextlib import closing
+from dataclasses import replace
+
+from bfrt.errors import SettingError
+from bfrt.formats.arrays import write_arrays
+from bfrt.formats.hdf5.remote import RemoteArrays
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
+from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.room import need_of
+from bfrt.formats.source import Report, Source
+
+
+def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:
+    """Read an HDF5 file, whose datasets' names tell what they are: `bfrt.formats.arrays`.
+
+    Raises
+    ------
+    SceneError
+        If it is no HDF5, or its datasets make no scene.
+    SettingError
+        If a setting does not fit them, or h5py is missing.
+    StreamError
+        If the system refuses to read it.
+    """
+    if not is_there("h5py"):
+        raise SettingError(f"{path}: HDF5 needs h5py: install bfrt[hdf5]")
+    taken = need_of(path, colored=reading.color_by == RGB).blocks
+    limits = (taken, reading.room // 2, reading.external_storage)
+    own = replace(reading, room=reading.room - reading.room // 2)
+    reading.uses.known.add("external_storage")
+    with Source(path) as source, closing(RemoteArrays(path, limits)) as arrays:
+        writer = ObjectWriter(sink, path, own)
+        write_arrays(path, arrays, writer)
+        writer.report()
+        if report is not None:
+            report(source.size)
+
+
+def is_there(module: str) -> bool:
+    """Tell whether a module can be imported, without doing so."""
+    try:
+        return sys.modules.get(module) is not None or importlib.util.find_spec(module) is not None
+    except ValueError:  # it is None there
+        return False
