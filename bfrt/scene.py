@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import NO_FRAME, Capacities, capacities
+from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
+from bfrt.checkpoint.identity import identity_of_render
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
@@ -311,6 +313,8 @@ class Scene:
         max_grid: int | None = None,
         scratch: PathLike | None = None,
         progress: bool | Report = False,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Image:
         """Render the scene.
 
@@ -356,6 +360,13 @@ class Scene:
         progress : bool or callable
             True shows a bar (needs tqdm, and a terminal). A callable gets a `Progress` first
             and after each pass; returning False cancels.
+        checkpoint : path-like, optional
+            Folder that keeps the state of the render while it goes on, so that the same call goes
+            on from there after a kill; it is removed at the end. What changes the picture must be
+            as it was, and `refine`; memory, threads and the grid may change.
+        every : float
+            Seconds between two saves of that state at the least; they take no more than 2 % of the
+            time. 0 saves after each pass, whatever that takes.
 
         Returns
         -------
@@ -372,17 +383,23 @@ class Scene:
             If a setting cannot be honoured, or there is no camera, and no object to frame.
         Cancelled
             If `progress` returned False.
+        CheckpointError
+            If the state in `checkpoint` is damaged. That of other work is a SettingError.
         DiskFullError, StreamError
             If the system refuses a read or a write.
         """
         view = View.of(self.store, camera, samples, depth, aovs)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
-            plan = self._divide(self.store, settings, view.frame)
+        with reporting(progress) as report, keeping(checkpoint, every) as kept:
+            frame = view.frame
+            if kept is not None:
+                found = kept.find(identity_of_render(self.store, view, settings))
+                frame = frame._replace(band=0 if found is None else found.facts["rows"])
+            plan = self._divide(self.store, settings, frame)
             self._make_room()
             with tracer_of(self.store, settings, plan) as tracer:
-                return picture_of(tracer, view, report)
+                return picture_of(tracer, view, report, kept)
 
     def plan(
         self,

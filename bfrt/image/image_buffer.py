@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import io
 import mmap
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from bfrt.streams.atomic_write import nameless
+from bfrt.errors import ShortReadError
+from bfrt.image.film import Film
+from bfrt.streams.atomic_write import nameless, refused
 from bfrt.streams.writer import write_all
 
 Channels = dict[str, npt.NDArray[Any]]
+Pixels = Iterator[npt.NDArray[Any]]
+
+#: Bytes of film that are averaged at once.
+FILM_BAND = 1 << 20
+
+#: Bytes of a channel that are looked at at once.
+LOOKED_AT_BYTES = 1 << 20
 
 
 class ImageBuffer:
@@ -32,32 +44,81 @@ class ImageBuffer:
         self._scratch = scratch
         self._row = 0
         self._channels: Channels = {}
-        self._file: Any = None
+        self._types: dict[str, np.dtype[Any]] = {}
+        self._file: io.FileIO | None = None
 
     def add(self, band: Channels) -> None:
         """Add the next rows: an array (rows, width) of each channel."""
-        if self._scratch is None:
-            self._keep(band)
-        else:
-            self._write(band, self._scratch)
+        self._types = {name: rows.dtype for name, rows in band.items()}
+        for name, rows in band.items():
+            self._put(name, self._row * self._shape[1], rows)
         self._row += len(next(iter(band.values())))
 
-    def _keep(self, band: Channels) -> None:
-        for name, rows in band.items():
-            if name not in self._channels:
-                self._channels[name] = np.empty(self._shape, rows.dtype)
-            self._channels[name][self._row : self._row + len(rows)] = rows
+    def _put(self, name: str, first: int, pixels: npt.NDArray[Any]) -> None:
+        """Put pixels of a channel, from number `first` on, to where they are held."""
+        if self._scratch is not None:
+            file = self._opened(self._scratch)
+            at = self._begin_of(name) + 4 * first
+            file.seek(at)
+            path = self._scratch / "image"
+            write_all(file.fileno(), np.ascontiguousarray(pixels), path, at)
+            return
+        if name not in self._channels:
+            self._channels[name] = np.empty(self._shape, pixels.dtype)
+        self._channels[name].reshape(-1)[first : first + pixels.size] = pixels.reshape(-1)
 
-    def _write(self, band: Channels, scratch: Path) -> None:
+    def _opened(self, scratch: Path) -> io.FileIO:
         if self._file is None:
             self._file = nameless(scratch, scratch / "image")
-            self._types = {name: rows.dtype for name, rows in band.items()}
-        height, width = self._shape
-        for number, rows in enumerate(band.values()):
-            # Every channel has 4 bytes a pixel.
-            at = (number * height + self._row) * width * 4
-            self._file.seek(at)
-            write_all(self._file.fileno(), np.ascontiguousarray(rows), scratch / "image", at)
+        return self._file
+
+    def _begin_of(self, name: str) -> int:
+        """Return where a channel begins in the file: every channel has 4 bytes a pixel."""
+        return list(self._types).index(name) * self._shape[0] * self._shape[1] * 4
+
+    @property
+    def bytes(self) -> int:
+        """Return the bytes of the rows so far: those that are complete."""
+        return self._row * self._shape[1] * 4 * len(self._types)
+
+    def types(self) -> dict[str, np.dtype[Any]]:
+        """Return the dtypes of the channels, once there are rows."""
+        return self._types
+
+    def complete(self, name: str) -> Iterator[npt.NDArray[Any]]:
+        """Yield the pixels so far of a channel, row by row, some at a time."""
+        left, done = self._row * self._shape[1], 0
+        while done < left:
+            some = min(left - done, LOOKED_AT_BYTES // 4)
+            yield self._get(name, done, some)
+            done += some
+
+    def _get(self, name: str, first: int, count: int) -> npt.NDArray[Any]:
+        if self._scratch is None:
+            return self._channels[name].reshape(-1)[first : first + count]
+        pixels = np.empty(count, self._types[name])
+        view, at = pixels.view(np.uint8).data, self._begin_of(name) + 4 * first
+        path = self._scratch / "image"
+        try:
+            while len(view):
+                got = os.preadv(self._opened(self._scratch).fileno(), [view], at)
+                if not got:
+                    raise ShortReadError(path, at, len(view), 0)
+                view, at = view[got:], at + got
+        except OSError as error:
+            raise refused(path, at, error, "reading") from error
+        return pixels
+
+    def restore(self, types: dict[str, np.dtype[Any]], channels: dict[str, Pixels]) -> None:
+        """Begin with the rows that channels have, whose pixels come some at a time."""
+        self._types = types
+        done = 0
+        for name, blocks in channels.items():
+            done = 0
+            for pixels in blocks:
+                self._put(name, done, pixels)
+                done += len(pixels)
+        self._row = done // self._shape[1]
 
     def channels(self) -> Channels:
         """Return the finished picture; arrays on disk are read on demand."""
@@ -70,6 +131,13 @@ class ImageBuffer:
             )
             for number, (name, dtype) in enumerate(self._types.items())
         }
+
+
+def resolve(film: Film, buffer: ImageBuffer) -> None:
+    """Add the rows that the film holds to the image, a few at a time."""
+    rows = max(1, FILM_BAND // (film.shape[1] * 64))
+    for first in range(film.row, film.end, rows):
+        buffer.add(film.rows(first, min(first + rows, film.end)))
 
 
 def forget(pixels: npt.NDArray[Any]) -> None:
