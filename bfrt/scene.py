@@ -416,6 +416,7 @@ class Scene:
         grid: int | None = None,
         max_grid: int | None = None,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | None = None,
     ) -> Plan:
         """Estimate the passes, bytes and seconds of a render, without reading any object.
 
@@ -425,6 +426,8 @@ class Scene:
             Width and height in pixels, 1 to 65535 each, instead of the camera's.
         memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
             As for `render`.
+        checkpoint : path-like, optional
+            As for `render`; here it only adds its bytes on disk.
 
         Returns
         -------
@@ -440,7 +443,7 @@ class Scene:
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         held = self._divide(self.store, settings, view.frame)
-        return plan_of(self.store, view, settings, held)
+        return plan_of(self.store, view, settings, held, kept=checkpoint is not None)
 
     def cast_rays(
         self,
