@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import NO_FRAME, Capacities, capacities
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
-from bfrt.checkpoint.identity import identity_of_render
+from bfrt.checkpoint.identity import identity_of, identity_of_render
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
@@ -253,6 +253,26 @@ class Scene:
         finally:
             self._busy.release()
 
+    @contextmanager
+    def _keeping(
+        self,
+        checkpoint: PathLike | Checkpoint | None,
+        every: float,
+        what: str,
+        settings: Settings,
+        out: Out | None,
+    ) -> Iterator[Checkpoint | None]:
+        """Yield the checkpoint of a query, if one is asked for, with what it has found."""
+        if checkpoint is not None and not isinstance(out, (str, os.PathLike)):
+            raise SettingError(
+                "checkpoint: found no folder for the answer, expected out=: what a query keeps is "
+                "for answers that go to files"
+            )
+        with keeping(checkpoint, every) as kept:
+            if kept is not None:
+                kept.find(identity_of(what, self.store, settings))
+            yield kept
+
     def framing_camera(
         self,
         *,
@@ -461,6 +481,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Find the nearest hit of each ray.
 
@@ -483,6 +505,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -496,7 +521,7 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
 
         Notes
@@ -506,8 +531,9 @@ class Scene:
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "cast_rays", settings, out)
+        with reporting(progress) as report, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.NEAREST.answer(self._session, question, settings)
 
     def occluded(
@@ -526,6 +552,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Find whether each ray hits anything in (t_min, t_max).
 
@@ -551,6 +579,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -561,13 +592,14 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "occluded", settings, out)
+        with reporting(progress) as report, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.ANY_HIT.answer(self._session, question, settings)
 
     def count_intersections(
@@ -586,6 +618,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Count all hits of each ray in (t_min, t_max).
 
@@ -611,6 +645,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -621,13 +658,14 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "count_intersections", settings, out)
+        with reporting(progress) as report, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.COUNT.answer(self._session, question, settings)
 
     def list_intersections(
@@ -646,6 +684,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Find all hits of each ray in (t_min, t_max).
 
@@ -668,6 +708,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -680,13 +723,14 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report:
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "list_intersections", settings, out)
+        with reporting(progress) as report, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.LIST.answer(self._session, question, settings)
 
 

@@ -158,15 +158,12 @@ class Render:
         self, writer: StateWriter, progress: Progress, counters: Counters, began: float
     ) -> Facts:
         """Save everything: rays in flight, those that wait, hits, film, picture, counters."""
-        now = time.perf_counter()
-        kept = self._state.stats.kept(progress.depth, counters)
-        kept["total"]["seconds"] += now - self._start
-        kept["depths"][progress.depth - 1]["seconds"] += now - began
+        stats = self._state.stats
         return {
             **self._state.save(writer),
             "tracer": self._tracer.save(writer),
             "done": progress.done,
             "total": progress.total,
             "bad": self._bad + self._tracer.bad,
-            "stats": kept,
+            "stats": stats.kept(progress.depth, counters, started=self._start, began=began),
         }

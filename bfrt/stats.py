@@ -171,15 +171,27 @@ class Stats:
             self.total.add(counters)
             self.total.seconds = whole
 
-    def kept(self, number: int, counters: Counters) -> dict[str, Any]:
-        """Return the counts so far for JSON, with those of depth `number`, which goes on."""
+    def kept(
+        self, number: int, counters: Counters, *, started: float, began: float
+    ) -> dict[str, Any]:
+        """Return the counts so far for JSON, with those of depth `number`, which goes on.
+
+        Parameters
+        ----------
+        number : int
+        counters : Counters
+            Its counts.
+        started, began : float
+            When all the work started and when the depth began, by `time.perf_counter`.
+        """
         total, depths = deepcopy((self.total, self.depths))
         while len(depths) < number:
             depths.append(Counters())
         depths[number - 1].add(counters)
-        seconds = total.seconds
+        now, seconds = time.perf_counter(), total.seconds
         total.add(counters)
-        total.seconds = seconds
+        total.seconds = seconds + now - started
+        depths[number - 1].seconds += now - began
         return {
             "marks_reused": self.marks_reused,
             "total": asdict(total),

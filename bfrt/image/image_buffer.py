@@ -15,6 +15,7 @@ import numpy.typing as npt
 from bfrt.errors import ShortReadError
 from bfrt.image.film import Film
 from bfrt.streams.atomic_write import nameless, refused
+from bfrt.streams.spool import LOOKED_AT_BYTES
 from bfrt.streams.writer import write_all
 
 Channels = dict[str, npt.NDArray[Any]]
@@ -22,9 +23,6 @@ Pixels = Iterator[npt.NDArray[Any]]
 
 #: Bytes of film that are averaged at once.
 FILM_BAND = 1 << 20
-
-#: Bytes of a channel that are looked at at once.
-LOOKED_AT_BYTES = 1 << 20
 
 
 class ImageBuffer:
