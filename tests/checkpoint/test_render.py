@@ -175,6 +175,6 @@ def test_a_smaller_budget_that_cannot_hold_the_band(scenes, tmp_path):
 
 @pytest.mark.parametrize("every", [-1, float("nan"), float("inf"), True, "60", None])
 def test_every_is_a_number_of_seconds(scenes, tmp_path, every):
-    with pytest.raises(SettingError, match="^every: found .*, expected seconds, 0 or more$"):
+    with pytest.raises(SettingError, match=r"^every: found .*, expected seconds, 0 or more$"):
         scenes["given"].render(checkpoint=tmp_path / "kept", every=every)
     assert not (tmp_path / "kept").exists()
