@@ -11,7 +11,8 @@ from __future__ import annotations
 import time
 
 from bfrt.budget import GridCapacities
-from bfrt.checkpoint.state import Facts, SavedState, StateWriter
+from bfrt.checkpoint.soundness import expect
+from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.phases.flight import Pool, restore_flight, save_flight
 from bfrt.phases.traversal import Queue, Sink, Sinks, Traversal
 from bfrt.records import HIT, HIT_BYTES
@@ -141,9 +142,11 @@ class GridTracer(Tracer):
         for name, spool in self._waiting.items():
             spool.restore(saved.blocks(name, HIT))
         self._first = facts["group"]
+        expect(saved.folder / HEADER, "group", self._first, right=self._first <= len(self.groups))
         self._traversal.least = facts["least"]
         if rays:
-            restore_flight(self.pool, saved)
+            group = self.groups[self._first : self._first + 1]
+            restore_flight(self.pool, saved, group[0].voxels if group else 0)
 
     @property
     def _waiting(self) -> dict[str, Spool]:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bfrt.checkpoint.state import Facts, SavedState, StateWriter
+from bfrt.checkpoint.soundness import Sound, expect
+from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.image.film import Film
 from bfrt.image.image_buffer import ImageBuffer
 from bfrt.phases.eye import EyeRays
 from bfrt.phases.traversal import Queue
-from bfrt.records import HIT, QUEUED
+from bfrt.records import HIT, HIT_BYTES, QUEUED, QUEUED_BYTES
 from bfrt.stats import Stats
+from bfrt.store.store import Store
 from bfrt.streams.spool import Spool
 from bfrt.tracer import Tracer
 from bfrt.view import View
@@ -46,6 +49,8 @@ class RenderState:
         The bands before it.
     stats : Stats
         The counters so far.
+    store : Store
+        The scene.
     """
 
     bands: int
@@ -59,6 +64,7 @@ class RenderState:
     film: Film
     image: ImageBuffer
     stats: Stats
+    store: Store
 
     @classmethod
     def first(cls, tracer: Tracer, view: View, stats: Stats) -> RenderState:
@@ -82,6 +88,7 @@ class RenderState:
             film=film,
             image=ImageBuffer(width, height, scratch if plan.frame_on_disk else None),
             stats=stats,
+            store=store,
         )
 
     def turn(self) -> None:
@@ -101,18 +108,26 @@ class RenderState:
         for spool in (self.waiting, self.following, self.hits):
             spool.close()
 
-    @property
-    def bytes(self) -> int:
-        """Return about as many bytes as `save` writes."""
-        spools = sum(len(spool) * spool.dtype.itemsize for spool in (self.waiting, self.hits))
-        return spools + sum(plane.nbytes for plane, _ in self.film.planes()) + self.image.bytes
+    def bytes(self, hits: int) -> int:
+        """Return about as many bytes as `save` writes, with so many hits."""
+        queued = (len(self.waiting) + len(self.following)) * QUEUED_BYTES
+        film = sum(plane.nbytes for plane, _ in self.film.planes())
+        return queued + hits * HIT_BYTES + film + self.image.bytes
 
-    def save(self, writer: StateWriter) -> Facts:
-        """Save it while a depth is traced, between two passes; `following` is empty then."""
+    def save(self, writer: StateWriter, hits: Iterable[NDArray[Any]]) -> Facts:
+        """Save it between two passes, of which there is one for each load of hits in shading.
+
+        Parameters
+        ----------
+        writer : StateWriter
+        hits : iterable of ndarray
+            Hits that wait for shading, where `hits` may have been parted.
+        """
         for name, plane in self._planes():
             writer.put(name, [plane])
         writer.put("waiting", self.waiting.waiting())
-        writer.put("hits", self.hits.waiting())
+        writer.put("following", self.following.waiting())
+        writer.put("hits", hits)
         types = self.image.types()
         for name in types:
             writer.put(f"image.{name}", self.image.complete(name))
@@ -126,13 +141,15 @@ class RenderState:
         }
 
     def restore(self, saved: SavedState) -> None:
-        """Go on from what was saved; the depth that was traced is the next one then."""
+        """Go on from what was saved; the depth that was under way is the next one then."""
         facts = saved.facts
+        self._check(saved)
         self.band, self.depth = facts["band"], facts["depth"] - 1
         self.film.begin_at(facts["row"])
         for name, plane in self._planes():
             saved.fill(name, plane)
         self.waiting.restore(saved.blocks("waiting", QUEUED))
+        self.following.restore(saved.blocks("following", QUEUED))
         self.hits.restore(saved.blocks("hits", HIT))
         types = {name: np.dtype(text) for name, text in facts["image"].items()}
         channels = {name: saved.blocks(f"image.{name}", types[name]) for name in types}
@@ -143,6 +160,28 @@ class RenderState:
             eye_rays.leave(facts["eye_rays"])
             self.queue = eye_rays
         self.stats.go_on(facts["stats"])
+
+    def _check(self, saved: SavedState) -> None:
+        """Refuse what is not the state of a band of this frame."""
+        facts, path = saved.facts, saved.folder / HEADER
+        row, height = facts["row"], self.film.shape[0] - self.film.corners
+        begins = row == self.film.held * (facts["band"] - 1) and row < height
+        expect(path, "row", row, right=begins and facts["rows"] == self.film.held)
+        expect(path, "depth", facts["depth"], right=facts["depth"] > 0)
+        expect(path, "tracer", None, right=facts["shading"] or facts["tracer"] is not None)
+        self.film.begin_at(row)
+        first, last = self.film.elements()
+        left = facts["eye_rays"]
+        expect(
+            path, "eye_rays", left, right=left is None or left <= len(self.eye_rays(first, last))
+        )
+        for name, dtype in facts["image"].items():
+            pixels = saved.count(f"image.{name}", np.dtype(dtype))
+            expect(
+                path, name, pixels, right=pixels == row * (self.film.shape[1] - self.film.corners)
+            )
+        expect(path, "image", [*facts["image"]], right=bool(facts["image"]) == (row > 0))
+        saved.sound = Sound(self.store, (row * self.film.shape[1], last))
 
     def _planes(self) -> list[tuple[str, Any]]:
         """Return the arrays of the film by the names of their files."""

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.budget import NO_FRAME, Capacities, capacities
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of, identity_of_render
+from bfrt.checkpoint.soundness import QUERY_FACTS, RENDER_FACTS
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
@@ -270,7 +271,7 @@ class Scene:
             )
         with keeping(checkpoint, every) as kept:
             if kept is not None:
-                kept.find(identity_of(what, self.store, settings))
+                kept.find(identity_of(what, self.store, settings), QUERY_FACTS)
             yield kept
 
     def framing_camera(
@@ -414,7 +415,8 @@ class Scene:
         with reporting(progress) as report, keeping(checkpoint, every) as kept:
             frame = view.frame
             if kept is not None:
-                found = kept.find(identity_of_render(self.store, view, settings))
+                work = identity_of_render(self.store, view, settings)
+                found = kept.find(work, RENDER_FACTS)
                 frame = frame._replace(band=0 if found is None else found.facts["rows"])
             plan = self._divide(self.store, settings, frame)
             self._make_room()

@@ -26,6 +26,7 @@ from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.image.image_buffer import ImageBuffer, resolve
 from bfrt.phases.eye import view_vectors
+from bfrt.phases.hit_order import HitLoads
 from bfrt.phases.shading import Shading
 from bfrt.progress import Progress, Report, tell
 from bfrt.render_state import RenderState
@@ -63,6 +64,7 @@ class Render:
         self._checkpoint = checkpoint
         self._resumed = None if checkpoint is None else checkpoint.found
         self._start = time.perf_counter()
+        self._began = self._start  # of the depth
         self._bad = 0
         self._state = RenderState.first(tracer, view, stats)
         store, film = tracer.store, self._state.film
@@ -91,29 +93,32 @@ class Render:
         return state.image
 
     def _one_depth(self) -> None:
-        """Trace the waiting rays, and shade their hits."""
+        """Trace the waiting rays, and shade their hits; or the rest of that."""
         state = self._state
+        saved, self._resumed = self._resumed, None
         state.depth += 1
+        self._began = time.perf_counter()
         with state.stats.depth(state.depth) as counters:
-            if state.depth == 1 and self._resumed is None:
+            if state.depth == 1 and saved is None:
                 counters.rays.eye = len(state.queue)
-            self._trace(counters)
-            with counters.phases.shading.timed():
+            if saved is None or not saved.facts["shading"]:
+                self._trace(saved, counters)
                 state.following.clear()
-                last = state.depth >= self._view.depth
-                self._shading.shade(self._tracer.scans, state.hits, state.following, last, counters)
-            for spool in (state.hits, state.waiting, state.following):
-                counters.phases.shading.spooled(spool)
+            elif self._checkpoint is not None:
+                self._checkpoint.went_on(
+                    f"band {state.band} of {state.bands}, depth {state.depth}, "
+                    f"{len(state.hits):,} hits to shade"
+                )
+            self._shade(counters)
         state.turn()
 
-    def _trace(self, counters: Counters) -> None:
+    def _trace(self, saved: SavedState | None, counters: Counters) -> None:
         """Find the hits of the rays that wait, and of those that were in flight."""
         state = self._state
         outcome = Outcome(state.hits, state.film)
         start = Progress(state.depth, 0, len(state.queue), state.band, state.bands)
-        if self._resumed is not None:
-            start = self._go_on(self._resumed, start, outcome, counters)
-        began = time.perf_counter()
+        if saved is not None:
+            start = self._go_on(saved, start, outcome, counters)
 
         def between_passes(done: int) -> None:
             progress = start._replace(done=start.done + done)
@@ -121,12 +126,31 @@ class Render:
                 tell(self._report, progress)
                 return
             self._checkpoint.between_passes(
-                lambda writer: self._save(writer, progress, counters, began),
-                self._tracer.state_bytes + state.bytes,
+                lambda writer: self._save(writer, counters, progress),
+                self._tracer.state_bytes + state.bytes(len(state.hits)),
                 lambda: tell(self._report, progress),
             )
 
         self._tracer.trace(state.queue, outcome, counters, between_passes)
+
+    def _shade(self, counters: Counters) -> None:
+        """Shade the hits, and gather the rays that go on."""
+        state, phase = self._state, counters.phases.shading
+        last = state.depth >= self._view.depth
+
+        def between_loads(loads: HitLoads) -> None:
+            if self._checkpoint is not None and len(loads):
+                self._checkpoint.between_passes(
+                    lambda writer: self._save(writer, counters, loads),
+                    state.bytes(len(loads)),
+                    lambda: None,
+                )
+
+        scans = self._tracer.scans
+        with phase.timed():
+            self._shading.shade(scans, state.hits, state.following, last, counters, between_loads)
+        for spool in (state.hits, state.waiting, state.following):
+            phase.spooled(spool)
 
     def _go_on(
         self, saved: SavedState, start: Progress, outcome: Outcome, counters: Counters
@@ -151,19 +175,35 @@ class Render:
             self._tracer.trace(again, outcome, counters, lambda _: tell(self._report, start))
             start = start._replace(done=start.done + rays)
         self._tracer.restore(saved, facts["tracer"], rays=again is None)
-        self._resumed = None
         return start
 
-    def _save(
-        self, writer: StateWriter, progress: Progress, counters: Counters, began: float
-    ) -> Facts:
-        """Save everything: rays in flight, those that wait, hits, film, picture, counters."""
-        stats = self._state.stats
-        return {
-            **self._state.save(writer),
-            "tracer": self._tracer.save(writer),
-            "done": progress.done,
-            "total": progress.total,
-            "bad": self._bad + self._tracer.bad,
-            "stats": stats.kept(progress.depth, counters, started=self._start, began=began),
-        }
+    def _save(self, writer: StateWriter, counters: Counters, at: Progress | HitLoads) -> Facts:
+        """Save everything: rays in flight, those that wait, hits, film, picture, counters.
+
+        Parameters
+        ----------
+        at : Progress or HitLoads
+            How far the rays of the depth are, or the hits that are still to be shaded.
+        """
+        state = self._state
+        if isinstance(at, HitLoads):
+            facts = {
+                **state.save(writer, at.waiting()),
+                "shading": True,
+                "tracer": None,
+                "done": 0,
+                "total": 0,
+            }
+        else:
+            facts = {
+                **state.save(writer, state.hits.waiting()),
+                "shading": False,
+                "tracer": self._tracer.save(writer),
+                "done": at.done,
+                "total": at.total,
+            }
+        facts["bad"] = self._bad + self._tracer.bad
+        facts["stats"] = state.stats.kept(
+            state.depth, counters, started=self._start, began=self._began
+        )
+        return facts

@@ -82,6 +82,11 @@ class TracedGroup:
         """Tell which grid it is: voxels of others are others."""
         return f"grid {self._cut.shape} across {self._cut.axis}"
 
+    @property
+    def voxels(self) -> int:
+        """Return the number of voxels of the grid."""
+        return self._cut.voxels
+
     def preprocess(self, subspace: int, counters: Counters, *, fresh: bool) -> None:
         """See that there are marks.
 

@@ -150,7 +150,7 @@ class TreeTracer(Tracer):
         """Have the next `trace` begin where another was."""
         self._least = facts["least"]
         if rays:
-            restore_flight(self.pool, saved)
+            restore_flight(self.pool, saved, self._forest.treelets)
 
     def _expect(self, rays: int) -> None:
         """Read all treelets, if so many more rays are likely to come to most of them."""

@@ -9,16 +9,19 @@ from typing import Any
 
 import fast
 import numpy as np
+import pytest
 from injected import dividing
 from scenes import random_objects
 from treelets import small_treelets
 
 from bfrt.budget import Capacities, GridCapacities, TreeCapacities
+from bfrt.checkpoint.state import Facts, SavedState
 from bfrt.image.picture import Image
 from bfrt.records import Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
 from bfrt.store.group import Order
 from bfrt.store.model import Camera, Light, Material
+from bfrt.tracer import Tracer
 
 VIEW = Camera((0.3, -7.0, 1.5), (0.0, 0.0, 0.0), resolution=(24, 19))
 AOVS = ("position", "albedo")
@@ -79,6 +82,20 @@ def tight(rows: int = 19, **changes: Any) -> Callable[[Scene], Scene]:
         return replace(held, rows=rows, frame_on_disk=rows < 19, **own)
 
     return lambda scene: dividing(scene, divided)
+
+
+def spied(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Count the rays that have to begin again, of each run that goes on."""
+    counts: list[int] = []
+    begun_again = Tracer.begun_again
+
+    def counting(tracer: Tracer, saved: SavedState, facts: Facts) -> Any:
+        again = begun_again(tracer, saved, facts)
+        counts.append(0 if again is None else len(again))
+        return again
+
+    monkeypatch.setattr(Tracer, "begun_again", counting)
+    return counts
 
 
 def same_picture(image: Image, expected: Image) -> None:

@@ -7,6 +7,7 @@
         ├─ Identity       what is done, of which scene, with which settings: another is refused
         ├─ StateWriter    writes a generation: a file for each array, then the header
         └─ SavedState     reads one, whose checksums have been compared
+              └─ Sound    nothing in it leads outside of what there is
 
 A generation is a folder, complete or not there::
 

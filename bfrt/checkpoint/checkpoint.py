@@ -17,9 +17,11 @@ from types import TracebackType
 
 from bfrt.checkpoint.identity import Identity, check_same
 from bfrt.checkpoint.pace import Pace
-from bfrt.checkpoint.state import Facts, SavedState, StateWriter
+from bfrt.checkpoint.soundness import check_facts
+from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.errors import CheckpointError, SettingError
 from bfrt.paths import check_folder
+from bfrt.store.header import Check
 from bfrt.streams.atomic_write import refused, sync_folder
 
 log = logging.getLogger(__name__)
@@ -114,8 +116,10 @@ class Checkpoint:
         lock, self._lock = self._lock, -1
         os.close(lock)
 
-    def find(self, identity: Identity) -> SavedState | None:
+    def find(self, identity: Identity, facts: Check) -> SavedState | None:
         """Return the state to go on from, if there is one; begin the work that `identity` says.
+
+        Its facts must pass the check `facts`.
 
         Of two complete generations, as a kill leaves them, it is the later one; if that is damaged,
         the one before.
@@ -131,6 +135,8 @@ class Checkpoint:
         """
         self._identity = identity
         self.found = self._latest(identity)
+        if self.found is not None:
+            check_facts(self.found.folder / HEADER, self.found.facts, facts)
         return self.found
 
     def _latest(self, identity: Identity) -> SavedState | None:

@@ -7,8 +7,12 @@ import time
 #: Of the time, what saving may take.
 COST = 0.02
 
-#: Bytes saved a second, until a save has been timed: those of a slow disk.
+#: Seconds of each save, and bytes saved a second, until saves have been timed: of a slow disk.
+ASSUMED_EACH = 0.1
 ASSUMED_RATE = 1e8
+
+#: Bytes of a save whose time tells the rate.
+LARGE = 1 << 24
 
 #: Seconds that a save may take where somebody waits for the work to end.
 AT_ONCE = 0.5
@@ -25,7 +29,7 @@ class Pace:
 
     def __init__(self, every: float) -> None:
         self.every = every
-        self._rate = ASSUMED_RATE
+        self._each, self._rate = ASSUMED_EACH, ASSUMED_RATE
         self._last = time.perf_counter()
 
     def due(self, size: int) -> bool:
@@ -40,9 +44,12 @@ class Pace:
 
     def seconds(self, size: int) -> float:
         """Estimate how long it takes to save `size` bytes."""
-        return size / self._rate
+        return self._each + size / self._rate
 
     def saved(self, size: int, seconds: float) -> None:
-        """Learn how long a save has taken."""
-        self._rate = size / max(seconds, 1e-9)
+        """Learn how long a save has taken: a small one tells what each takes, a large one more."""
+        if size < LARGE:
+            self._each = seconds
+        else:
+            self._rate = size / max(seconds - self._each, 0.1 * seconds)
         self._last = time.perf_counter()

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.checkpoint.soundness import HEADER_FACTS, Sound, check_facts
 from bfrt.errors import CheckpointError, StoreError
 from bfrt.store.file_facts import check_size, checksum_of
 from bfrt.streams.atomic_write import refused, sync_folder
@@ -93,6 +94,8 @@ class SavedState:
         What it is the state of.
     facts : dict
         The numbers of it.
+    sound : Sound, optional
+        Checks the records that are read.
 
     Raises
     ------
@@ -107,6 +110,7 @@ class SavedState:
         body = _header_of(folder / HEADER)
         self.identity: Facts = body["identity"]
         self.facts: Facts = body["facts"]
+        self.sound: Sound | None = None
         self._files: dict[str, Facts] = body["files"]
         for name, file in self._files.items():
             _check_file(folder / name, file)
@@ -168,6 +172,8 @@ class SavedState:
             if not got:
                 raise CheckpointError(f"{path}: found it to end early: it has changed since")
             view = view[got:]
+        if self.sound is not None and array.dtype.names:
+            self.sound.check(path, array)
 
 
 def _header_of(path: Path) -> Facts:
@@ -186,6 +192,7 @@ def _header_of(path: Path) -> Facts:
         raise CheckpointError(f"{path}: found format {found:.20}, expected {FORMAT}")
     if body.pop("checksum", None) != _checksum(body):
         raise CheckpointError(f"{path}: found damage, expected what its checksum says")
+    check_facts(path, body, HEADER_FACTS)
     return body
 
 

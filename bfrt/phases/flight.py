@@ -14,7 +14,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.checkpoint.soundness import expect
 from bfrt.checkpoint.state import SavedState, StateWriter
+from bfrt.errors import CheckpointError
 from bfrt.records import HIT, LINE, PATH, RAY
 
 RAYS, PATHS = "rays", "paths"
@@ -50,11 +52,19 @@ def save_flight(pool: Pool, writer: StateWriter) -> None:
         writer.put(name, [records[: pool.active]])
 
 
-def restore_flight(pool: Pool, saved: SavedState) -> None:
-    """Bring saved rays into an empty pool, which has room for them, to where they were."""
+def restore_flight(pool: Pool, saved: SavedState, voxels: int) -> None:
+    """Bring saved rays into an empty pool, which has room for them, to where they were.
+
+    Parameters
+    ----------
+    voxels : int
+        The number of voxels, or treelets, which sentinels are.
+    """
     n = saved.count(RAYS, RAY)
     for name, records in zip((RAYS, PATHS), pool.all, strict=True):
         saved.fill(name, records[:n])
+    if (pool.all[0]["voxel"][:n] >= voxels).any():
+        raise CheckpointError(f"{saved.folder / RAYS}: found a sentinel that is not in the grid")
     pool.come(n)
 
 
@@ -63,6 +73,8 @@ class BegunAgain:
 
     def __init__(self, saved: SavedState) -> None:
         self._left = saved.count(RAYS, RAY)
+        paths = saved.count(PATHS, PATH)
+        expect(saved.folder / PATHS, "rays", paths, right=paths == self._left)
         self._records = self._hits_of(saved)
         self._some = np.empty(0, HIT)
 

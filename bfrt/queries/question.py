@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.checkpoint.checkpoint import Checkpoint
+from bfrt.checkpoint.soundness import Sound
 from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.phases.all_hits import AllHits
 from bfrt.phases.flight import PATHS
@@ -207,6 +208,7 @@ def go_on(
     was found before is forgotten.
     """
     facts, tracer = saved.facts, query.tracer
+    saved.sound = Sound(tracer.store, rays=facts["rays"]["taken"])
     query.queue.go_on(facts["rays"])
     query.stats.go_on(facts["stats"])
     done: int = facts["done"]

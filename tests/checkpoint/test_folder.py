@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import zlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from checkpoints import VIEW, Killed, Stop, same_picture, scene_of, tight
+from checkpoints import VIEW, Killed, same_picture, scene_of, tight
 
 import bfrt
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.pace import Pace
+from bfrt.checkpoint.soundness import RENDER_FACTS
 from bfrt.checkpoint.state import SavedState
 from bfrt.errors import CheckpointError, SettingError
+from bfrt.records import HIT, PATH, RAY
 from bfrt.store.model import Light
 
 SETTINGS = {"camera": VIEW, "threads": 2}
@@ -29,16 +33,33 @@ def expected(scene):
     return scene.render(**SETTINGS)
 
 
+class Rich:
+    """Kills a run some reports after a state that has something of everything."""
+
+    def __init__(self, folder, later):
+        self.folder, self.left, self.found = folder, later, False
+
+    def __call__(self, _):
+        (state,) = self.folder.iterdir()
+        names = ("rays", "paths", "waiting", "hits", "between0", "between1", "image.R")
+        sizes = [(state / name).stat().st_size for name in names if (state / name).exists()]
+        self.found |= len(sizes) == len(names) and all(sizes)
+        self.left -= self.found
+        if self.left < 0:
+            raise Killed
+
+
 @pytest.fixture(scope="module")
 def saved(scene, tmp_path_factory):
     """Two generations of one render, one after the other, in folders of their own."""
     folders = []
-    for at in (90, 91):
+    for later in (0, 1):
         folder = tmp_path_factory.mktemp("saved") / "kept"
         with pytest.raises(Killed):
-            scene.render(checkpoint=folder, every=0, progress=Stop(at), **SETTINGS)
+            scene.render(checkpoint=folder, every=0, progress=Rich(folder, later), **SETTINGS)
         folders.append(next(folder.iterdir()))
-    assert [each.name for each in folders] == ["state.91", "state.92"]
+    numbers = [int(each.name.removeprefix("state.")) for each in folders]
+    assert numbers[1] > numbers[0]
     return folders
 
 
@@ -78,13 +99,86 @@ def test_what_is_damaged_is_refused(scene, saved, tmp_path):
     assert count > 50
 
 
+def signed(generation, change):
+    """Change a generation, and sign it anew: its checksums are right."""
+    header = generation / "state.json"
+    body = json.loads(header.read_text())
+    change(generation, body)
+    for name, file in body["files"].items():
+        if (generation / name).is_file():
+            data = (generation / name).read_bytes()
+            file |= {"bytes": len(data), "crc32": zlib.crc32(data)}
+    del body["checksum"]
+    body["checksum"] = zlib.crc32(json.dumps(body, sort_keys=True).encode())
+    header.write_text(json.dumps(body))
+
+
+def records(name, dtype, field, value):
+    """Change a field of all records of a file."""
+
+    def change(generation, _):
+        held = np.fromfile(generation / name, dtype)
+        assert len(held)
+        held[field] = value
+        held.tofile(generation / name)
+
+    return change
+
+
+def fact(name, value):
+    return lambda _, body: body["facts"].update({name: value})
+
+
+FORGED = {
+    "pixel of a ray in flight": records("paths", PATH, "pixel", 1 << 30),
+    "pixel of the band before": records("paths", PATH, "pixel", 0),
+    "sentinel": records("rays", RAY, "voxel", 1 << 29),
+    "face": records("rays", RAY, "face", 7),
+    "locked": records("rays", RAY, "lock", 1),
+    "state": records("rays", RAY, "state", 9),
+    "kind": records("rays", RAY, "kind", 4),
+    "object": records("rays", RAY, "id", 5 << 48 | 7),
+    "object beyond the last": records("hits", HIT, "id", 1 << 40),
+    "pixel of a hit": records("hits", HIT, "pixel", 1 << 30),
+    "pixel of a ray between groups": records("between0", HIT, "pixel", 1 << 31),
+    "band": fact("band", 1),
+    "row": fact("row", 9),
+    "rows": fact("rows", 4),
+    "depth": fact("depth", 0),
+    "a text": fact("depth", "2"),
+    "eye rays": fact("eye_rays", 10**9),
+    "no picture": fact("image", {}),
+    "another channel": fact("image", {"R": "<f4", "S": "<f4"}),
+    "tracer": fact("tracer", None),
+    "group": fact("tracer", {"group": 9, "where": "end", "least": 2}),
+    "least": fact("tracer", {"group": 0, "where": "end", "least": -2}),
+    "counters": fact("stats", {"marks_reused": True, "total": {"rays": "many"}, "depths": []}),
+    "nothing": lambda _, body: body["facts"].clear(),
+    "a list": lambda _, body: body.update(facts=[]),
+    "another file": lambda _, body: body["files"].update(
+        {"../kept/state.json": {"bytes": 1, "crc32": 1}}
+    ),
+    "cut records": lambda generation, _: (generation / "rays").write_bytes(b"1234567"),
+    "fewer paths": lambda generation, _: (generation / "paths").write_bytes(b""),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_what_is_forged_is_refused(scene, saved, tmp_path, name):
+    """Header and checksums are right, but what they are of leads outside."""
+    folder = put(tmp_path / "kept", saved[0])
+    signed(folder / saved[0].name, FORGED[name])
+    with pytest.raises(CheckpointError, match=f"^{folder / saved[0].name}"):
+        scene.render(checkpoint=folder, **SETTINGS)
+
+
 def test_the_state_before_is_used_where_the_last_is_damaged(scene, saved, expected, tmp_path):
     for number, (name, damage) in enumerate(damages(saved[1])):
         folder = put(tmp_path / str(number), *saved)
         damage(folder / saved[1].name / name)
         with Checkpoint(folder) as kept:
             identity = SavedState(saved[0]).identity
-            found = kept.find(identity)
+            found = kept.find(identity, RENDER_FACTS)
             assert found.folder.name == saved[0].name
     same_picture(scene.render(checkpoint=folder, **SETTINGS), expected)
     assert not folder.exists()
@@ -93,7 +187,7 @@ def test_the_state_before_is_used_where_the_last_is_damaged(scene, saved, expect
 def test_the_later_of_two_is_used(scene, saved, expected, tmp_path):
     folder = put(tmp_path / "kept", *saved)
     with Checkpoint(folder) as kept:
-        assert kept.find(SavedState(saved[0]).identity).folder.name == saved[1].name
+        assert kept.find(SavedState(saved[0]).identity, RENDER_FACTS).folder.name == saved[1].name
     same_picture(scene.render(checkpoint=folder, **SETTINGS), expected)
 
 
@@ -194,9 +288,14 @@ def test_saves_cost_a_fiftieth_of_the_time(monkeypatch):
     now[0] = 10.0
     assert pace.due(1)
     assert not pace.due(10**9)  # until one has been timed, at 100 MB/s: 10 s, each 500
-    pace.saved(10**6, 2.0)
+    pace.saved(10**6, 2.0)  # a small one: much the same, whatever it holds
     now[0] += 99.0
-    assert not pace.due(10**6)
-    now[0] += 1.0
-    assert pace.due(10**6) and not pace.due(2 * 10**6)
+    assert not pace.due(1)
+    now[0] += 3.0
+    assert pace.due(10**6) and not pace.due(10**7)
+    pace.saved(10**9, 22.0)
+    now[0] += 1099.0
+    assert not pace.due(10**9)
+    now[0] += 2.0
+    assert pace.due(10**9) and not pace.due(2 * 10**9)
     assert Pace(0.0).due(10**12)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from checkpoints import Killed, Stop, scene_of, tight
+from checkpoints import Killed, Stop, scene_of, spied, tight
 from scenes import units
 
 from bfrt.errors import SettingError
@@ -14,9 +14,9 @@ FEW = {"hits": 60, "queue": 50}
 
 #: Of each form the refinement and how the memory is divided; then another memory.
 FORMS = {
-    "base": ("base", tight(), tight(voxels=9**3, rays=100, candidates=100)),
+    "base": ("base", tight(), tight(voxels=4**3, rays=100, candidates=100)),
     "sg": ("sg", tight(), tight(rays=40, candidates=60)),
-    "sgb": ("sgb", tight(), tight(voxels=9**3, rays=3000, candidates=9000)),
+    "sgb": ("sgb", tight(), tight(voxels=4**3, rays=3000, candidates=9000)),
     "streamed": ("tree", tight(resident=False), tight(resident=True)),
     "resident": ("tree", tight(resident=True), tight(resident=False, rays=90, candidates=90)),
 }
@@ -83,9 +83,10 @@ def test_a_kill_after_every_pass(scenes, rays, expected, tmp_path, form, query):
 
 @pytest.mark.parametrize("query", QUERIES)
 @pytest.mark.parametrize("form", FORMS)
-def test_other_memory_and_threads(scenes, rays, expected, tmp_path, form, query):
+def test_other_memory_and_threads(scenes, rays, expected, tmp_path, form, query, monkeypatch):
     """Where rays in flight begin again, what they had crossed is not counted twice."""
     refine, scene, other, name = ways(form, scenes)
+    again = spied(monkeypatch)
     number = 1
     while True:
         settings = {
@@ -101,6 +102,7 @@ def test_other_memory_and_threads(scenes, rays, expected, tmp_path, form, query)
             same(getattr(other, query)(*rays, threads=2, **settings), expected[name, query])
         number += 1
     assert number > 2
+    assert any(again) == (form != "resident")
 
 
 def test_blocks_that_come_once_more(scenes, rays, expected, tmp_path):
@@ -115,7 +117,7 @@ def test_blocks_that_come_once_more(scenes, rays, expected, tmp_path):
     settings = {"out": tmp_path / "out", "checkpoint": tmp_path / "kept", "every": 0}
     scene = tight()(scenes["given"])
     with pytest.raises(Killed):
-        scene.cast_rays(blocks(), progress=Stop(20), **settings)
+        scene.cast_rays(blocks(), progress=Stop(5), **settings)
     same(scene.cast_rays(blocks(), **settings), whole)
 
 

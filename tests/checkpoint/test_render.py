@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 
 import pytest
-from checkpoints import AOVS, VIEW, Killed, Stop, same_picture, scene_of, tight
+from checkpoints import AOVS, VIEW, Killed, Stop, same_picture, scene_of, spied, tight
 
+from bfrt.checkpoint.checkpoint import Checkpoint
+from bfrt.checkpoint.state import SavedState
 from bfrt.errors import Cancelled, SettingError
 
 REFINEMENTS = ("base", "sg", "sgb", "tree")
@@ -67,11 +70,38 @@ def test_a_kill_after_every_pass(scenes, expected, tmp_path, form):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_other_memory_and_threads(scenes, expected, tmp_path, form):
+def test_a_kill_after_every_save(scenes, expected, tmp_path, form, monkeypatch):
+    """Between loads of hits that are shaded, too."""
+    scene, refine, name = opened(scenes, form)
+    kept, saves = Checkpoint.save, []
+    shading = []
+
+    def killing(checkpoint, write):
+        kept(checkpoint, write)
+        saves.append(1)
+        if len(saves) == 2:
+            state = SavedState(next(checkpoint.folder.iterdir()))
+            shading.append(state.facts["shading"])
+            raise Killed
+
+    monkeypatch.setattr(Checkpoint, "save", killing)
+    settings = {**SETTINGS, "refine": refine, "checkpoint": tmp_path / "kept", "every": 0}
+    image = None
+    while image is None:
+        saves.clear()
+        with contextlib.suppress(Killed):
+            image = scene.render(**settings)
+    assert sum(shading) > 2 and not all(shading)
+    same_picture(image, expected[name])
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_other_memory_and_threads(scenes, expected, tmp_path, form, monkeypatch):
     scene, refine, name = opened(scenes, form)
     rows = 8 if "bands" in form else 19
+    again = spied(monkeypatch)
     others = [
-        tight(rows, rays=100, candidates=100, hits=31, queue=20, voxels=9**3),
+        tight(rows, rays=100, candidates=100, hits=31, queue=20, voxels=4**3),
         tight(rows, rays=5000, candidates=20000, hits=4000, queue=4000, voxels=16**3),
     ]
     if refine == "tree":
@@ -91,11 +121,12 @@ def test_other_memory_and_threads(scenes, expected, tmp_path, form):
         image = other.render(checkpoint=folder, **{**settings, "threads": 1 + number % 3})
         same_picture(image, expected[name])
         assert not folder.exists()
+    assert any(again) == (form != "resident") and not all(again)
 
 
 def test_kills_again_and_again_with_other_memory(scenes, expected, tmp_path):
     """Rays that begin again are traced anew each time, until a run gets beyond them."""
-    forms = [tight(rows=8), tight(rows=8, voxels=9**3, rays=90, candidates=90)]
+    forms = [tight(rows=8), tight(rows=8, voxels=4**3, rays=90, candidates=90)]
     for number in range(1000):
         try:
             image = forms[number % 2](scenes["given"]).render(
