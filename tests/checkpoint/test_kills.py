@@ -19,15 +19,15 @@ QUERY = """
 import sys, bfrt
 store, rays, out, kept, refine = sys.argv[1:]
 bfrt.cast_rays(store, rays + "/o.npy", rays + "/d.npy", out=out, checkpoint=kept, every=0,
-               refine=refine, memory="66MiB", threads=1)
+               refine=refine, memory="72MiB", threads=1)
 """
 
 
 @pytest.fixture(scope="module")
 def stores(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stores")
-    scene_of(folder / "given.bfrt", groups=2, count=3000)
-    scene_of(folder / "ordered.bfrt", groups=1, order="spatial", count=3000)
+    scene_of(folder / "given.bfrt", groups=2, count=600)
+    scene_of(folder / "ordered.bfrt", groups=1, order="spatial", count=600)
     rng = np.random.default_rng(3)
     np.save(folder / "o.npy", rng.uniform(-4, 4, (60_000, 3)))
     np.save(folder / "d.npy", rng.normal(size=(60_000, 3)))
@@ -44,8 +44,8 @@ def work_of(stores, what, folder):
         return [sys.executable, "-c", QUERY, store, str(stores), str(out), kept, refine], out
     out = folder / "a.npy"
     return [
-        sys.executable, "-m", "bfrt", "render", store, "-o", str(out), "--resolution", "150x150",
-        "--memory", "62MiB", "--threads", "1", "--refine", refine, "--checkpoint", kept,
+        sys.executable, "-m", "bfrt", "render", store, "-o", str(out), "--resolution", "100x100",
+        "--memory", "72MiB", "--threads", "1", "--refine", refine, "--checkpoint", kept,
         "--every", "0", "--from", "0.3", "-7", "1.5", "--at", "0", "0", "0",
     ], out  # fmt: skip
 
@@ -110,7 +110,7 @@ def test_a_hundred_kills(stores, tmp_path, what):
 
 def test_the_command_says_that_it_goes_on(stores, tmp_path):
     command, made = work_of(stores, "render tree", tmp_path)
-    view = bfrt.Camera((0.3, -7.0, 1.5), (0.0, 0.0, 0.0), resolution=(150, 150))
+    view = bfrt.Camera((0.3, -7.0, 1.5), (0.0, 0.0, 0.0), resolution=(100, 100))
     calls = []
 
     def report(_):
@@ -119,7 +119,7 @@ def test_the_command_says_that_it_goes_on(stores, tmp_path):
 
     with pytest.raises(bfrt.Cancelled):
         bfrt.render(
-            stores / "ordered.bfrt", camera=view, memory="62MiB", threads=1, refine="tree",
+            stores / "ordered.bfrt", camera=view, memory="72MiB", threads=1, refine="tree",
             checkpoint=tmp_path / "kept", progress=report,
         )  # fmt: skip
     status, said = run([*command], tmp_path)
