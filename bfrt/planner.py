@@ -196,12 +196,14 @@ class Planner(ABC, Generic[Held]):
     def _state_bytes(self) -> int:
         """Return the most bytes of a state between two passes: all rays, wherever they are.
 
-        A ray waits, or is in flight, or is a hit, or waits between groups; the film and the picture
-        are whole.
+        A ray waits, or is in flight, or is a hit, or waits between groups; hits have sent the next
+        ones; the film and the picture are whole.
         """
         film = self._frame.band_bytes(min(self.held.rows, self._frame.height))
+        following = [*(wave.rays for wave in self.most[1:]), 0.0]
         rays = max(
             math.ceil(wave.rays) * (HIT_BYTES + (QUEUED_BYTES if number else 0))
+            + math.ceil(following[number]) * QUEUED_BYTES
             for number, wave in enumerate(self.most)
         )
         flight = self.held.rays * (RAY_BYTES + PATH_BYTES)

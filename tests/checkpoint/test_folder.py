@@ -25,7 +25,9 @@ SETTINGS = {"camera": VIEW, "threads": 2}
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    return tight(rows=8, rays=60, candidates=100)(scene_of(tmp_path_factory.mktemp("scenes") / "a.bfrt"))
+    return tight(rows=8, rays=60, candidates=100)(
+        scene_of(tmp_path_factory.mktemp("scenes") / "a.bfrt")
+    )
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+from dataclasses import replace
 
 import pytest
 from checkpoints import AOVS, VIEW, Killed, Stop, same_picture, scene_of, spied, tight
@@ -20,9 +21,9 @@ FORMS = {
     "base": ("base", tight()),
     "sg": ("sg", tight()),
     "sgb": ("sgb", tight()),
-    "sgb, bands": ("sgb", tight(rows=8)),
+    "sgb, bands": ("sgb", tight(rows=10)),
     "streamed": ("tree", tight(resident=False)),
-    "streamed, bands": ("tree", tight(resident=False, rows=8)),
+    "streamed, bands": ("tree", tight(resident=False, rows=10)),
     "resident": ("tree", tight(resident=True)),
 }
 
@@ -98,7 +99,7 @@ def test_a_kill_after_every_save(scenes, expected, tmp_path, form, monkeypatch):
 @pytest.mark.parametrize("form", FORMS)
 def test_other_memory_and_threads(scenes, expected, tmp_path, form, monkeypatch):
     scene, refine, name = opened(scenes, form)
-    rows = 8 if "bands" in form else 19
+    rows = 10 if "bands" in form else 19
     again = spied(monkeypatch)
     others = [
         tight(rows, rays=100, candidates=100, hits=31, queue=20, voxels=4**3),
@@ -113,7 +114,7 @@ def test_other_memory_and_threads(scenes, expected, tmp_path, form, monkeypatch)
     settings = {**SETTINGS, "refine": refine}
     whole = Stop()
     scene.render(progress=whole, **settings)
-    for number, at in enumerate(range(1, whole.calls, max(1, whole.calls // 12))):
+    for number, at in enumerate(range(1, whole.calls, max(1, whole.calls // 7))):
         folder = tmp_path / str(at)
         with pytest.raises(Killed):
             scene.render(progress=Stop(at), checkpoint=folder, every=0, **settings)
@@ -126,7 +127,7 @@ def test_other_memory_and_threads(scenes, expected, tmp_path, form, monkeypatch)
 
 def test_kills_again_and_again_with_other_memory(scenes, expected, tmp_path):
     """Rays that begin again are traced anew each time, until a run gets beyond them."""
-    forms = [tight(rows=8), tight(rows=8, voxels=4**3, rays=90, candidates=90)]
+    forms = [tight(rows=10), tight(rows=10, voxels=4**3, rays=90, candidates=90)]
     for number in range(1000):
         try:
             image = forms[number % 2](scenes["given"]).render(
@@ -153,6 +154,25 @@ def test_a_run_that_goes_on_says_so(scenes, expected, tmp_path, caplog):
     said = [record.getMessage() for record in caplog.records]
     assert any(f"{folder}: goes on where it was left: band 1 of 1, depth" in text for text in said)
     assert told[0].done > 0
+
+
+@pytest.mark.parametrize("name", ["given", "tree"])
+def test_the_plan_counts_its_bytes(scenes, tmp_path, name):
+    """Of two states: the one that is written, and the one before."""
+    scene, folder = scenes[name], tmp_path / "kept"
+    settings = {"camera": replace(VIEW, resolution=(90, 70)), "memory": "80MiB", "aovs": AOVS}
+    assert scene.plan(**settings).disk.checkpoint == 0
+    assert "checkpoint" not in str(scene.plan(**settings))
+    planned = scene.plan(checkpoint=folder, **settings)
+    assert not folder.exists()
+    assert "at most, checkpoint" in str(planned)
+    sizes = []
+
+    def report(_):
+        sizes.append(sum(file.stat().st_size for file in folder.glob("state.*/*")))
+
+    scene.render(checkpoint=folder, every=0, progress=report, **settings)
+    assert planned.disk.checkpoint / 40 < 2 * max(sizes) <= planned.disk.checkpoint
 
 
 def test_nothing_is_saved_before_it_is_due(scenes, tmp_path):
@@ -190,8 +210,6 @@ def test_what_is_cancelled_saves_its_state(scenes, expected, tmp_path, way):
 
 def test_a_smaller_budget_that_cannot_hold_the_band(scenes, tmp_path):
     """The message names the least with which the render goes on."""
-    from dataclasses import replace
-
     camera = replace(VIEW, resolution=(700, 700))
     scene, folder = scenes["given"], tmp_path / "kept"
     with pytest.raises(Killed):
