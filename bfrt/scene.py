@@ -384,7 +384,8 @@ class Scene:
         checkpoint : path-like, optional
             Folder that keeps the state of the render while it goes on, so that the same call goes
             on from there after a kill; it is removed at the end. What changes the picture must be
-            as it was, and `refine`; memory, threads and the grid may change.
+            as it was, and `refine`; memory, threads and the grid may change. Of an open
+            `bfrt.checkpoint.checkpoint.Checkpoint` the caller removes the state.
         every : float
             Seconds between two saves of that state at the least; they take no more than 2 % of the
             time. 0 saves after each pass, whatever that takes.

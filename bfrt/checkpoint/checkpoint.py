@@ -11,7 +11,7 @@ import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -19,7 +19,7 @@ from bfrt.checkpoint.identity import Identity, check_same
 from bfrt.checkpoint.pace import Pace
 from bfrt.checkpoint.soundness import check_facts
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
-from bfrt.errors import CheckpointError, SettingError
+from bfrt.errors import BfrtError, CheckpointError, SettingError
 from bfrt.paths import check_folder
 from bfrt.store.header import Check
 from bfrt.streams.atomic_write import refused, sync_folder
@@ -94,9 +94,11 @@ class Checkpoint:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if not self._generations():
-            with suppress(OSError):  # others put something in
+        try:
+            if not self._generations():
                 self.folder.rmdir()
+        except OSError:  # others put something in, or removed it
+            log.debug("%s: is left as it is", self.folder)
         self._release()
 
     def _take(self) -> None:
@@ -176,8 +178,15 @@ class Checkpoint:
             tell()
         except BaseException:
             if not due and self._pace.at_once(size):
-                self.save(write)
+                self._save_last(write)
             raise
+
+    def _save_last(self, write: Callable[[StateWriter], Facts]) -> None:
+        """Save a state while work ends for a reason of its own, which is the one to hear about."""
+        try:
+            self.save(write)
+        except BfrtError as error:
+            log.warning("%s: the last state could not be saved: %s", self.folder, error)
 
     def save(self, write: Callable[[StateWriter], Facts]) -> None:
         """Save a state, in place of the one before.

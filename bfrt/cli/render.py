@@ -145,7 +145,8 @@ def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
         raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
     for file in (*outputs, *stats):
         check_file(file)
-    check_apart(options.input, *outputs, *stats)
+    kept = [] if options.checkpoint is None else [options.checkpoint]
+    check_apart(options.input, *outputs, *stats, *kept)
 
 
 def plan_asked(options: argparse.Namespace) -> Plan:

@@ -218,7 +218,7 @@ def go_on(
         again = Anew(again)
         if held.dtype == HIT:
             numbers = np.concatenate([path["number"] for path in saved.blocks(PATHS, QUERY_PATH)])
-            blocks = (hits[~np.isin(hits.view(QUERY_RAY)["number"], numbers)] for hits in blocks)
+            blocks = without(blocks, np.sort(numbers))
     held.restore(blocks)
     if again is not None:
         rays = len(again)
@@ -226,6 +226,14 @@ def go_on(
         done += rays
     tracer.restore(saved, facts["tracer"], rays=again is None)
     return done
+
+
+def without(blocks: Iterator[NDArray[Any]], numbers: NDArray[np.uint64]) -> Iterator[NDArray[Any]]:
+    """Yield hits, of records.HIT, but for those of the rays with some numbers, ascending."""
+    for hits in blocks:
+        own = hits.view(QUERY_RAY)["number"]
+        at = np.minimum(np.searchsorted(numbers, own), len(numbers) - 1)
+        yield hits[numbers[at] != own]
 
 
 class Anew:

@@ -128,6 +128,17 @@ def test_the_command_says_that_it_goes_on(stores, tmp_path):
     assert made.exists() and not (tmp_path / "kept").exists()
 
 
+def test_a_checkpoint_is_no_output(stores, tmp_path):
+    command = [sys.executable, "-m", "bfrt", "render", str(stores / "given.bfrt")]
+    done = subprocess.run(
+        [*command, "-o", "a.npy", "--checkpoint", "a.npy"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("bfrt: a.npy: found it twice")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_every_without_a_checkpoint_is_refused(stores, tmp_path):
     command = [sys.executable, "-m", "bfrt", "render", str(stores / "given.bfrt")]
     done = subprocess.run(

@@ -11,7 +11,7 @@ from checkpoints import AOVS, VIEW, Killed, Stop, same_picture, scene_of, spied,
 
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.state import SavedState
-from bfrt.errors import Cancelled, SettingError
+from bfrt.errors import Cancelled, DiskFullError, SettingError
 
 REFINEMENTS = ("base", "sg", "sgb", "tree")
 SETTINGS = {"camera": VIEW, "aovs": AOVS, "threads": 2}
@@ -220,6 +220,17 @@ def test_a_smaller_budget_that_cannot_hold_the_band(scenes, tmp_path):
     assert folder.exists()
     first = scene.render(camera=camera, memory="100MiB", threads=1, checkpoint=folder)
     same_picture(first, scene.render(camera=camera))
+
+
+def test_a_last_save_that_fails_leaves_the_reason(scenes, tmp_path, monkeypatch, caplog):
+    def failing(*_):
+        raise DiskFullError("there", 0, 28, "writing")
+
+    monkeypatch.setattr(Checkpoint, "save", failing)
+    with pytest.raises(Killed):
+        scenes["given"].render(progress=Stop(3), checkpoint=tmp_path / "kept", **SETTINGS)
+    assert "the last state could not be saved: there: writing at byte 0" in caplog.text
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("every", [-1, float("nan"), float("inf"), True, "60", None])
