@@ -105,7 +105,7 @@ def test_three_kills(stores, tmp_path, what):
 @pytest.mark.parametrize("what", ["render base", "render sg", *WORK, "query base", "query tree"])
 def test_a_hundred_kills(stores, tmp_path, what):
     went_on = kills(stores, what, tmp_path / "work", 100, np.random.default_rng(len(what)))
-    assert went_on > 20 or what.startswith("query")
+    assert went_on > 0 or what.startswith("query")
 
 
 def test_the_command_says_that_it_goes_on(stores, tmp_path):
