@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from bfrt.budget import Capacities
+from bfrt.image.frame import IMAGE_BAND
 from bfrt.phases.eye import count_eye_rays
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan, TreePlan
 from bfrt.records import HIT_BYTES, PATH_BYTES, QUEUED_BYTES, RAY_BYTES
@@ -194,20 +195,22 @@ class Planner(ABC, Generic[Held]):
         )
 
     def _state_bytes(self) -> int:
-        """Return the most bytes of a state between two passes: all rays, wherever they are.
+        """Return the most bytes of a state between two passes; the film and the picture are whole.
 
-        A ray waits, or is in flight, or is a hit, or waits between groups; hits have sent the next
-        ones; the film and the picture are whole.
+        While a depth is traced each ray is in one place: it waits, or is in flight, or is a hit, or
+        waits between groups. While hits are shaded the next rays come.
         """
-        film = self._frame.band_bytes(min(self.held.rows, self._frame.height))
+        film = self._frame.band_bytes(min(self.held.rows, self._frame.height)) - IMAGE_BAND
+        flight = RAY_BYTES + PATH_BYTES - HIT_BYTES  # more than anywhere else
         following = [*(wave.rays for wave in self.most[1:]), 0.0]
         rays = max(
-            math.ceil(wave.rays) * (HIT_BYTES + (QUEUED_BYTES if number else 0))
-            + math.ceil(following[number]) * QUEUED_BYTES
+            max(
+                wave.rays * HIT_BYTES + min(wave.rays, self.held.rays) * flight,
+                wave.hits * HIT_BYTES + following[number] * QUEUED_BYTES,
+            )
             for number, wave in enumerate(self.most)
         )
-        flight = self.held.rays * (RAY_BYTES + PATH_BYTES)
-        return rays + flight + film + self._frame.image_bytes + STATE_TABLE_BYTES
+        return math.ceil(rays) + film + self._frame.image_bytes + STATE_TABLE_BYTES
 
     def _hit_bytes(self, records: float) -> int:
         return max(0, math.ceil(records) - self.held.hits) * HIT_BYTES
