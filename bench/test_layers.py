@@ -14,7 +14,7 @@ import pytest
 import bfrt
 from bfrt.formats.nff import read_nff
 from bfrt.grid.grid import Grid
-from bfrt.phases.hit_order import by_object
+from bfrt.phases.hit_order import HitLoads
 from bfrt.records import HIT, SCALARS, Kind
 from bfrt.reference._kernels import meet, spans
 from bfrt.store.columns import prepare
@@ -133,7 +133,7 @@ def test_sort(benchmark: Any, tmp_path: Path, loads: int) -> None:
 
     def ids(spool: Spool) -> np.ndarray:
         # Copied, for all loads are the same memory.
-        return np.concatenate([load["id"].copy() for load, _ in by_object(spool, groups, room)])
+        return np.concatenate([load["id"].copy() for load, _ in HitLoads(spool, groups, room)])
 
     found = benchmark.pedantic(ids, setup=fresh, rounds=5)
     assert len(found) == len(hits) and (np.diff(found.astype(np.int64)) >= 0).all()

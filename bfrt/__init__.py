@@ -8,12 +8,14 @@
 
 from __future__ import annotations
 
+from bfrt.version import VERSION
+
 TYPE_CHECKING = False  # known to type checkers; `typing` takes long to import
 if TYPE_CHECKING:
     from bfrt.api import *  # noqa: F403
     from bfrt.api import __all__ as __all__
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 
 def __getattr__(name: str) -> object:

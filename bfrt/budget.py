@@ -163,6 +163,8 @@ def capacities(store: Store, settings: Settings, frame: FrameSize = NO_FRAME) ->
     least = fixed + small.bytes + needed
     if memory < least:
         what = f"{frame.width} x {frame.height} pixels" if frame.width else "rays"
+        if frame.band:
+            what += f", begun in bands of {frame.band} rows,"
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(least)} or more "
             f"for {what} of this scene with {settings.threads} threads"

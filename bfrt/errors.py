@@ -27,6 +27,13 @@ class StoreError(BfrtError, ValueError):
     """
 
 
+class CheckpointError(BfrtError, ValueError):
+    """Reports a checkpoint that is damaged, or of another format.
+
+    It is a `ValueError` too.
+    """
+
+
 class BudgetError(BfrtError, MemoryError):
     """Reports a memory budget below what the work needs; the message names the least that works.
 

@@ -8,12 +8,14 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 
 from bfrt.budget import GridCapacities
+from bfrt.checkpoint.soundness import expect
+from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
+from bfrt.phases.flight import Pool, restore_flight, save_flight
 from bfrt.phases.traversal import Queue, Sink, Sinks, Traversal
-from bfrt.records import HIT
+from bfrt.records import HIT, HIT_BYTES
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
@@ -48,6 +50,7 @@ class GridTracer(Tracer):
         start = time.perf_counter()
         super().__init__(store, settings, capacities)
         self._entered: TracedGroup | None = None
+        self._first = self._number = 0  # groups: where the next trace begins, and where one is
         try:
             self.groups = [self._traced(group) for group in store.groups]
             with self.prepared.phases.preprocess.timed():
@@ -94,19 +97,62 @@ class GridTracer(Tracer):
         """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
         passage = Passage(self._traversal, counters, tell)
         self._traversal.begin(outcome.crossings)
-        last = self.groups[-1]
-        for group, between in zip(self.groups, itertools.cycle(self._between), strict=False):
-            hits: Sink = outcome.hits if group is last else between
-            sinks = Sinks(hits, outcome.film, self.background, group is last)
-            if len(queue):
+        first, self._first = self._first, 0
+        for number, group in enumerate(self.groups[first:], first):
+            self._number = number
+            last = group is self.groups[-1]
+            came, between = self._between[(number + 1) % 2], self._between[number % 2]
+            hits: Sink = outcome.hits if last else between
+            source: Queue = came if number else queue
+            if len(source) or self._traversal.active:
                 self._enter(group)
-            passage.go(group, queue, sinks)
+            passage.go(group, source, Sinks(hits, outcome.film, self.background, last))
             for spool in self._between:
                 counters.phases.traversal.spooled(spool)
-                if spool is queue:
-                    spool.clear()
-            queue = between
+            if number:
+                came.clear()
+        self._number = len(self.groups)
         tell(passage.done)
+
+    @property
+    def pool(self) -> Pool:
+        """Return the rays in flight."""
+        return self._traversal.pool
+
+    def where(self, group: int) -> str:
+        """Tell which grid a group has; behind the last there is no ray that would be in it."""
+        return self.groups[group].grid if group < len(self.groups) else "end"
+
+    def save(self, writer: StateWriter) -> Facts:
+        """Save where `trace` is; only between two passes, when `tell` is called."""
+        save_flight(self.pool, writer)
+        for name, spool in self._waiting.items():
+            writer.put(name, spool.waiting())
+        number = self._number
+        return {"group": number, "where": self.where(number), "least": self._traversal.least}
+
+    @property
+    def state_bytes(self) -> int:
+        """Return about as many bytes as `save` writes."""
+        between = sum(len(spool) for spool in self._waiting.values())
+        return super().state_bytes + between * HIT_BYTES
+
+    def restore(self, saved: SavedState, facts: Facts, *, rays: bool) -> None:
+        """Have the next `trace` begin where another was."""
+        for name, spool in self._waiting.items():
+            spool.restore(saved.blocks(name, HIT))
+        self._first = facts["group"]
+        expect(saved.folder / HEADER, "group", self._first, right=self._first <= len(self.groups))
+        self._traversal.least = facts["least"]
+        if rays:
+            group = self.groups[self._first : self._first + 1]
+            restore_flight(self.pool, saved, group[0].voxels if group else 0)
+
+    @property
+    def _waiting(self) -> dict[str, Spool]:
+        """Return the spools between groups by the names of their files; none for one group."""
+        spools = self._between if len(self.groups) > 1 else []
+        return {f"between{number}": spool for number, spool in enumerate(spools)}
 
     def _enter(self, group: TracedGroup) -> None:
         if self._entered is not group:

@@ -159,11 +159,15 @@ class PhasePlan:
 
 @dataclass(frozen=True)
 class DiskPlan:
-    """Counts bytes on disk at most: new marks, a frame that memory cannot hold, and spools."""
+    """Counts bytes on disk at most: new marks, a frame that memory cannot hold, and spools.
+
+    And those of a checkpoint, where one is asked for: of two states, for a moment.
+    """
 
     marks: int
     frame: int
     spools: int
+    checkpoint: int = 0
 
 
 @dataclass(frozen=True)
@@ -258,6 +262,7 @@ def _amounts(plan: Plan) -> Rows:
         ("MB on disk", _mb(plan.disk.marks), "at most, marks to be made"),
         ("", _mb(plan.disk.frame), "exact, image"),
         ("", _mb(plan.disk.spools), "at most, spools"),
+        *([("", _mb(plan.disk.checkpoint), "at most, checkpoint")] if plan.disk.checkpoint else []),
     ]  # fmt: skip
 
 

@@ -8,14 +8,21 @@ from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from bfrt.budget import Capacities
+from bfrt.image.frame import IMAGE_BAND
 from bfrt.phases.eye import count_eye_rays
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan, TreePlan
-from bfrt.records import HIT_BYTES, QUEUED_BYTES
+from bfrt.records import HIT_BYTES, PATH_BYTES, QUEUED_BYTES, RAY_BYTES
 from bfrt.settings import Settings
 from bfrt.store.store import Store
 from bfrt.view import View
 
 Held = TypeVar("Held", bound=Capacities)
+
+#: Of a checkpoint there are two for a moment: the one that is written, and the one before.
+GENERATIONS = 2
+
+#: Bytes of a state's header, with the counters of some depths.
+STATE_TABLE_BYTES = 1 << 16
 
 #: No work.
 NOTHING = PhasePlan(0, 0, 0, 0, 0.0)
@@ -111,8 +118,8 @@ class Planner(ABC, Generic[Held]):
     def shaded(self) -> int:
         """Return the bytes read where all objects are shaded."""
 
-    def plan(self) -> Plan:
-        """Return the whole plan."""
+    def plan(self, kept: bool = False) -> Plan:
+        """Return the whole plan, of a render whose state is kept in a checkpoint, or not."""
         held = self.held
         return Plan(
             objects=self.store.objects,
@@ -135,6 +142,7 @@ class Planner(ABC, Generic[Held]):
                 marks=sum(g.marks_bytes for g in self.grids if not g.marks_there),
                 frame=self._frame.image_bytes if held.frame_on_disk else 0,
                 spools=self._spools_at_once(),
+                checkpoint=GENERATIONS * self._state_bytes() if kept else 0,
             ),
         )
 
@@ -185,6 +193,24 @@ class Planner(ABC, Generic[Held]):
             + queued[number + 1]
             for number, wave in enumerate(self.most)
         )
+
+    def _state_bytes(self) -> int:
+        """Return the most bytes of a state between two passes; the film and the picture are whole.
+
+        While a depth is traced each ray is in one place: it waits, or is in flight, or is a hit, or
+        waits between groups. While hits are shaded the next rays come.
+        """
+        film = self._frame.band_bytes(min(self.held.rows, self._frame.height)) - IMAGE_BAND
+        flight = RAY_BYTES + PATH_BYTES - HIT_BYTES  # more than anywhere else
+        following = [*(wave.rays for wave in self.most[1:]), 0.0]
+        rays = max(
+            max(
+                wave.rays * HIT_BYTES + min(wave.rays, self.held.rays) * flight,
+                wave.hits * HIT_BYTES + following[number] * QUEUED_BYTES,
+            )
+            for number, wave in enumerate(self.most)
+        )
+        return math.ceil(rays) + film + self._frame.image_bytes + STATE_TABLE_BYTES
 
     def _hit_bytes(self, records: float) -> int:
         return max(0, math.ceil(records) - self.held.hits) * HIT_BYTES

@@ -17,9 +17,17 @@ from bfrt.tree_planning import TreePlanner
 from bfrt.view import View
 
 
-def plan_of(store: Store, view: View, settings: Settings, held: Capacities) -> Plan:
-    """Plan a render of a view with the capacities of its budget, for `bfrt.plan`."""
+def plan_of(
+    store: Store, view: View, settings: Settings, held: Capacities, *, kept: bool = False
+) -> Plan:
+    """Plan a render of a view with the capacities of its budget, for `bfrt.plan`.
+
+    Parameters
+    ----------
+    kept : bool
+        Whether its state is kept in a checkpoint.
+    """
     if isinstance(held, TreeCapacities):
-        return TreePlanner(store, view, settings, held).plan()
+        return TreePlanner(store, view, settings, held).plan(kept)
     assert isinstance(held, GridCapacities)
-    return GridPlanner(store, view, settings, held).plan()
+    return GridPlanner(store, view, settings, held).plan(kept)

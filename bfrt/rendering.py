@@ -6,8 +6,7 @@ import logging
 import time
 from collections.abc import Iterable
 
-from bfrt.image.film import Film
-from bfrt.image.image_buffer import ImageBuffer
+from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.image.picture import Image
 from bfrt.progress import Report
 from bfrt.scheduler import Render
@@ -18,11 +17,10 @@ from bfrt.view import View
 
 log = logging.getLogger(__name__)
 
-#: Bytes of film that are averaged at once.
-BAND = 1 << 20
 
-
-def picture_of(tracer: Tracer, view: View, report: Report) -> Image:
+def picture_of(
+    tracer: Tracer, view: View, report: Report, checkpoint: Checkpoint | None = None
+) -> Image:
     """Trace a view of a scene into a picture.
 
     Parameters
@@ -32,6 +30,8 @@ def picture_of(tracer: Tracer, view: View, report: Report) -> Image:
     view : View
     report : Report
         Called after each pass; returning False cancels.
+    checkpoint : Checkpoint, optional
+        Keeps the state; the render goes on from the one that it has found.
 
     Raises
     ------
@@ -39,11 +39,10 @@ def picture_of(tracer: Tracer, view: View, report: Report) -> Image:
         As `bfrt.render`.
     """
     start = time.perf_counter()
-    store, plan = tracer.store, tracer.capacities
+    store = tracer.store
     stats = stats_of(tracer)
     stats.settings["depth"] = view.depth
-    buffer = ImageBuffer(*view.camera.resolution, tracer.scratch if plan.frame_on_disk else None)
-    Render(tracer, view, stats, report).run(lambda film: resolve(film, buffer))
+    buffer = Render(tracer, view, stats, report, checkpoint).run()
     image = Image(buffer.channels(), describe(store, view), stats)
     stats.total.seconds += time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
@@ -66,13 +65,6 @@ def stats_of(tracer: Tracer) -> Stats:
         },
         hierarchy_seconds=store.hierarchy_seconds if refinement.hierarchy else 0.0,
     )
-
-
-def resolve(film: Film, buffer: ImageBuffer) -> None:
-    """Add the rows that the film holds to the image, a few at a time."""
-    rows = max(1, BAND // (film.shape[1] * 64))
-    for first in range(film.row, film.end, rows):
-        buffer.add(film.rows(first, min(first + rows, film.end)))
 
 
 def describe(store: Store, view: View) -> dict[str, str]:

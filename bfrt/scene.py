@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.budget import NO_FRAME, Capacities, capacities
+from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
+from bfrt.checkpoint.identity import identity_of, identity_of_render
+from bfrt.checkpoint.soundness import QUERY_FACTS, RENDER_FACTS
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
@@ -262,6 +265,26 @@ class Scene:
         """Name a lack of memory in a block by what is done, and the budget."""
         return in_memory(f"{self.path}: {doing}", settings.memory)
 
+    @contextmanager
+    def _keeping(
+        self,
+        checkpoint: PathLike | Checkpoint | None,
+        every: float,
+        what: str,
+        settings: Settings,
+        out: Out | None,
+    ) -> Iterator[Checkpoint | None]:
+        """Yield the checkpoint of a query, if one is asked for, with what it has found."""
+        if checkpoint is not None and not isinstance(out, (str, os.PathLike)):
+            raise SettingError(
+                "checkpoint: found no folder for the answer, expected out=: what a query keeps is "
+                "for answers that go to files"
+            )
+        with keeping(checkpoint, every) as kept:
+            if kept is not None:
+                kept.find(identity_of(what, self.store, settings), QUERY_FACTS)
+            yield kept
+
     def framing_camera(
         self,
         *,
@@ -322,6 +345,8 @@ class Scene:
         max_grid: int | None = None,
         scratch: PathLike | None = None,
         progress: bool | Report = False,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Image:
         """Render the scene.
 
@@ -367,6 +392,14 @@ class Scene:
         progress : bool or callable
             True shows a bar (needs tqdm, and a terminal). A callable gets a `Progress` first
             and after each pass; returning False cancels.
+        checkpoint : path-like, optional
+            Folder that keeps the state of the render while it goes on, so that the same call goes
+            on from there after a kill; it is removed at the end. What changes the picture must be
+            as it was, and `refine`; memory, threads and the grid may change. Of an open
+            `bfrt.checkpoint.checkpoint.Checkpoint` the caller removes the state.
+        every : float
+            Seconds between two saves of that state at the least; they take no more than 2 % of the
+            time. 0 saves after each pass, whatever that takes.
 
         Returns
         -------
@@ -383,17 +416,25 @@ class Scene:
             If a setting cannot be honoured, or there is no camera, and no object to frame.
         Cancelled
             If `progress` returned False.
+        CheckpointError
+            If the state in `checkpoint` is damaged. That of other work is a SettingError.
         DiskFullError, StreamError
             If the system refuses a read or a write.
         """
         view = View.of(self.store, camera, samples, depth, aovs)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report, self._inside(settings, "rendering"):
-            plan = self._divide(self.store, settings, view.frame)
+        reported, inside = reporting(progress), self._inside(settings, "rendering")
+        with reported as report, inside, keeping(checkpoint, every) as kept:
+            frame = view.frame
+            if kept is not None:
+                work = identity_of_render(self.store, view, settings)
+                found = kept.find(work, RENDER_FACTS)
+                frame = frame._replace(band=0 if found is None else found.facts["rows"])
+            plan = self._divide(self.store, settings, frame)
             self._make_room()
             with self.store.folder.session(), tracer_of(self.store, settings, plan) as tracer:
-                return picture_of(tracer, view, report)
+                return picture_of(tracer, view, report, kept)
 
     def plan(
         self,
@@ -410,6 +451,7 @@ class Scene:
         grid: int | None = None,
         max_grid: int | None = None,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | None = None,
     ) -> Plan:
         """Estimate the passes, bytes and seconds of a render, without reading any object.
 
@@ -419,6 +461,8 @@ class Scene:
             Width and height in pixels, 1 to 65535 each, instead of the camera's.
         memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
             As for `render`.
+        checkpoint : path-like, optional
+            As for `render`; here it only adds its bytes on disk.
 
         Returns
         -------
@@ -434,7 +478,7 @@ class Scene:
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         held = self._divide(self.store, settings, view.frame)
-        return plan_of(self.store, view, settings, held)
+        return plan_of(self.store, view, settings, held, kept=checkpoint is not None)
 
     def cast_rays(
         self,
@@ -452,6 +496,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Find the nearest hit of each ray.
 
@@ -474,6 +520,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -487,7 +536,7 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
 
         Notes
@@ -497,8 +546,10 @@ class Scene:
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report, self._inside(settings, "tracing rays"):
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "cast_rays", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.NEAREST.answer(self._session, question, settings)
 
     def occluded(
@@ -517,6 +568,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Find whether each ray hits anything in (t_min, t_max).
 
@@ -542,6 +595,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -552,13 +608,15 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report, self._inside(settings, "tracing rays"):
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "occluded", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.ANY_HIT.answer(self._session, question, settings)
 
     def count_intersections(
@@ -577,6 +635,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Count all hits of each ray in (t_min, t_max).
 
@@ -602,6 +662,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -612,13 +675,15 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report, self._inside(settings, "tracing rays"):
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "count_intersections", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.COUNT.answer(self._session, question, settings)
 
     def list_intersections(
@@ -637,6 +702,8 @@ class Scene:
         max_grid: int | None = None,
         fresh_marks: bool = False,
         scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
     ) -> Answer:
         """Find all hits of each ray in (t_min, t_max).
 
@@ -659,6 +726,9 @@ class Scene:
             are no part of it.
         threads, refine, grid, max_grid, fresh_marks, scratch
             As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The rays must be as
+            they were.
 
         Returns
         -------
@@ -671,13 +741,15 @@ class Scene:
         ------
         SettingError
             If rays have other shapes or dtypes, or a setting cannot be honoured.
-        BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        with reporting(progress) as report, self._inside(settings, "tracing rays"):
-            question = Question(origins, directions, t_min, t_max, out, report)
+        work = self._keeping(checkpoint, every, "list_intersections", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.LIST.answer(self._session, question, settings)
 
 

@@ -14,70 +14,25 @@
         shade                         hits in object order; reflection, refraction, shadow rays
 
 One depth's rays of all kinds are traced together. The last depth's hits send shadow rays only,
-which one more iteration traces.
+which one more iteration traces. Between any two passes the whole state can be saved, and a render
+that was killed goes on from there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
 
-from bfrt.image.film import Film
-from bfrt.phases.eye import EyeRays, view_vectors
+from bfrt.checkpoint.checkpoint import Checkpoint
+from bfrt.checkpoint.state import Facts, SavedState, StateWriter
+from bfrt.image.image_buffer import ImageBuffer, resolve
+from bfrt.phases.eye import view_vectors
+from bfrt.phases.hit_order import HitLoads
 from bfrt.phases.shading import Shading
-from bfrt.phases.traversal import Queue
 from bfrt.progress import Progress, Report, tell
-from bfrt.records import HIT, QUEUED
+from bfrt.render_state import RenderState
 from bfrt.stats import Counters, Stats
-from bfrt.streams.spool import Spool
 from bfrt.tracer import Outcome, Tracer
 from bfrt.view import View
-
-#: Called with a band of the film that is complete.
-Take = Callable[[Film], None]
-
-
-@dataclass
-class RenderState:
-    """Holds all the state of a render between two depths.
-
-    Attributes
-    ----------
-    band : int
-        The band of rows that is rendered, from 1.
-    depth : int
-        The depth that was traced last, from 1; 0 before the first.
-    queue : Queue
-        Rays of the next depth: the camera's, then `waiting`.
-    waiting, following : Spool
-        Rays of the next depth and of the one after it.
-    hits : Spool
-        Hits that wait for shading; empty between depths.
-    film : Film
-        The light so far, of this band.
-    stats : Stats
-        The counters so far.
-    """
-
-    band: int
-    depth: int
-    queue: Queue
-    waiting: Spool
-    following: Spool
-    hits: Spool
-    film: Film
-    stats: Stats
-
-    def turn(self) -> None:
-        """Go on to the next depth: the rays just made become the waiting ones."""
-        self.hits.clear()
-        self.waiting, self.following = self.following, self.waiting
-        self.queue = self.waiting
-
-    def close(self) -> None:
-        """Free the disk."""
-        for spool in (self.waiting, self.following, self.hits):
-            spool.close()
 
 
 class Render:
@@ -91,71 +46,164 @@ class Render:
         The counters of the render.
     report : Report
         Called after each pass.
+    checkpoint : Checkpoint, optional
+        Keeps the state between passes; the render goes on from the one that it has found.
     """
 
-    def __init__(self, tracer: Tracer, view: View, stats: Stats, report: Report) -> None:
+    def __init__(
+        self,
+        tracer: Tracer,
+        view: View,
+        stats: Stats,
+        report: Report,
+        checkpoint: Checkpoint | None = None,
+    ) -> None:
         self._tracer = tracer
         self._view = view
         self._report = report
-        plan, store = tracer.capacities, tracer.store
-        self._bands = plan.bands(view.camera.resolution[1])
-        film = Film(*view.camera.resolution, view.samples, plan.rows, view.aovs)
-        waiting = Spool(QUEUED, plan.queue, tracer.scratch)
-        self._state = RenderState(
-            band=0,
-            depth=0,
-            queue=waiting,
-            waiting=waiting,
-            following=Spool(QUEUED, plan.queue, tracer.scratch),
-            hits=Spool(HIT, plan.hits, tracer.scratch),
-            film=film,
-            stats=stats,
-        )
+        self._checkpoint = checkpoint
+        self._resumed = None if checkpoint is None else checkpoint.found
+        self._start = time.perf_counter()
+        self._began = self._start  # of the depth
+        self._bad = 0
+        self._state = RenderState.first(tracer, view, stats)
+        store, film = tracer.store, self._state.film
         eye = view_vectors(view.camera, store.origin)[0]
-        self._shading = Shading(store, view.lights, film, eye, plan.hits, tracer.workers)
+        hits = tracer.capacities.hits
+        self._shading = Shading(store, view.lights, film, eye, hits, tracer.workers)
 
-    def run(self, take: Take) -> None:
-        """Trace all bands, and give each away when it is complete."""
+    def run(self) -> ImageBuffer:
+        """Trace all bands; return the finished picture."""
         state = self._state
         self._tracer.begin(state.stats)
         try:
-            for band in range(1, self._bands + 1):
-                state.band, state.depth = band, 0
-                state.queue = EyeRays(
-                    self._tracer.store, self._view.camera, self._view.samples,
-                    *state.film.elements(),
-                )  # fmt: skip
-                while len(state.queue):
+            if self._resumed is not None:
+                state.restore(self._resumed)
+                self._bad = self._resumed.facts["bad"]
+            while True:
+                while len(state.queue) or self._resumed is not None:
                     self._one_depth()
-                take(state.film)
-                state.film.advance()
+                resolve(state.film, state.image)
+                if state.band == state.bands:
+                    break
+                state.next_band()
         finally:
             state.close()
-        state.stats.bad_rays = self._tracer.bad
+        state.stats.bad_rays = self._bad + self._tracer.bad
+        return state.image
 
     def _one_depth(self) -> None:
-        """Trace the waiting rays, and shade their hits."""
+        """Trace the waiting rays, and shade their hits; or the rest of that."""
         state = self._state
+        saved, self._resumed = self._resumed, None
         state.depth += 1
+        self._began = time.perf_counter()
         with state.stats.depth(state.depth) as counters:
-            if state.depth == 1:
+            if state.depth == 1 and saved is None:
                 counters.rays.eye = len(state.queue)
-            self._trace(counters)
-            with counters.phases.shading.timed():
+            if saved is None or not saved.facts["shading"]:
+                self._trace(saved, counters)
                 state.following.clear()
-                last = state.depth >= self._view.depth
-                self._shading.shade(self._tracer.scans, state.hits, state.following, last, counters)
-            for spool in (state.hits, state.waiting, state.following):
-                counters.phases.shading.spooled(spool)
+            elif self._checkpoint is not None:
+                self._checkpoint.went_on(
+                    f"band {state.band} of {state.bands}, depth {state.depth}, "
+                    f"{len(state.hits):,} hits to shade"
+                )
+            self._shade(counters)
         state.turn()
 
-    def _trace(self, counters: Counters) -> None:
-        """Find the hits of the rays that wait."""
+    def _trace(self, saved: SavedState | None, counters: Counters) -> None:
+        """Find the hits of the rays that wait, and of those that were in flight."""
         state = self._state
-        start = Progress(state.depth, 0, len(state.queue), state.band, self._bands)
-        self._tracer.trace(
-            state.queue,
-            Outcome(state.hits, state.film),
-            counters,
-            lambda done: tell(self._report, start._replace(done=done)),
+        outcome = Outcome(state.hits, state.film)
+        start = Progress(state.depth, 0, len(state.queue), state.band, state.bands)
+        if saved is not None:
+            start = self._go_on(saved, start, outcome, counters)
+
+        def between_passes(done: int) -> None:
+            progress = start._replace(done=start.done + done)
+            if self._checkpoint is None:
+                tell(self._report, progress)
+                return
+            self._checkpoint.between_passes(
+                lambda writer: self._save(writer, counters, progress),
+                self._tracer.state_bytes + state.bytes(len(state.hits)),
+                lambda: tell(self._report, progress),
+            )
+
+        self._tracer.trace(state.queue, outcome, counters, between_passes)
+
+    def _shade(self, counters: Counters) -> None:
+        """Shade the hits, and gather the rays that go on."""
+        state, phase = self._state, counters.phases.shading
+        last = state.depth >= self._view.depth
+
+        def between_loads(loads: HitLoads) -> None:
+            if self._checkpoint is not None and len(loads):
+                self._checkpoint.between_passes(
+                    lambda writer: self._save(writer, counters, loads),
+                    state.bytes(len(loads)),
+                    lambda: None,
+                )
+
+        scans = self._tracer.scans
+        with phase.timed():
+            self._shading.shade(scans, state.hits, state.following, last, counters, between_loads)
+        for spool in (state.hits, state.waiting, state.following):
+            phase.spooled(spool)
+
+    def _go_on(
+        self, saved: SavedState, start: Progress, outcome: Outcome, counters: Counters
+    ) -> Progress:
+        """Bring rays back to where they were, or trace anew those for which there is no way back.
+
+        Returns
+        -------
+        Progress
+            How far the depth is.
+        """
+        facts = saved.facts
+        start = start._replace(done=facts["done"], total=facts["total"])
+        if self._checkpoint is not None:
+            self._checkpoint.went_on(
+                f"band {start.band} of {start.bands}, depth {start.depth}, "
+                f"{start.done:,} of {start.total:,} rays"
+            )
+        again = self._tracer.begun_again(saved, facts["tracer"])
+        if again is not None:
+            rays = len(again)
+            self._tracer.trace(again, outcome, counters, lambda _: tell(self._report, start))
+            start = start._replace(done=start.done + rays)
+        self._tracer.restore(saved, facts["tracer"], rays=again is None)
+        return start
+
+    def _save(self, writer: StateWriter, counters: Counters, at: Progress | HitLoads) -> Facts:
+        """Save everything: rays in flight, those that wait, hits, film, picture, counters.
+
+        Parameters
+        ----------
+        at : Progress or HitLoads
+            How far the rays of the depth are, or the hits that are still to be shaded.
+        """
+        state = self._state
+        if isinstance(at, HitLoads):
+            facts = {
+                **state.save(writer, at.waiting()),
+                "shading": True,
+                "tracer": None,
+                "done": 0,
+                "total": 0,
+            }
+        else:
+            facts = {
+                **state.save(writer, state.hits.waiting()),
+                "shading": False,
+                "tracer": self._tracer.save(writer),
+                "done": at.done,
+                "total": at.total,
+            }
+        facts["bad"] = self._bad + self._tracer.bad
+        facts["stats"] = state.stats.kept(
+            state.depth, counters, started=self._start, began=self._began
         )
+        return facts

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol
@@ -123,6 +124,21 @@ class Counters:
                 self.add(theirs, mine)
 
 
+def counters_of(counts: dict[str, Any]) -> Counters:
+    """Return counters that `asdict` made a dict of."""
+
+    def fill(target: Any, values: dict[str, Any]) -> None:
+        for f in fields(target):
+            if isinstance(values[f.name], dict):
+                fill(getattr(target, f.name), values[f.name])
+            else:
+                setattr(target, f.name, values[f.name])
+
+    made = Counters()
+    fill(made, counts)
+    return made
+
+
 @dataclass
 class Stats:
     """Holds the counters of a render, its settings and its memory."""
@@ -154,6 +170,39 @@ class Stats:
             whole = self.total.seconds
             self.total.add(counters)
             self.total.seconds = whole
+
+    def kept(
+        self, number: int, counters: Counters, *, started: float, began: float
+    ) -> dict[str, Any]:
+        """Return the counts so far for JSON, with those of depth `number`, which goes on.
+
+        Parameters
+        ----------
+        number : int
+        counters : Counters
+            Its counts.
+        started, began : float
+            When all the work started and when the depth began, by `time.perf_counter`.
+        """
+        total, depths = deepcopy((self.total, self.depths))
+        while len(depths) < number:
+            depths.append(Counters())
+        depths[number - 1].add(counters)
+        now, seconds = time.perf_counter(), total.seconds
+        total.add(counters)
+        total.seconds = seconds + now - started
+        depths[number - 1].seconds += now - began
+        return {
+            "marks_reused": self.marks_reused,
+            "total": asdict(total),
+            "depths": [asdict(depth) for depth in depths],
+        }
+
+    def go_on(self, kept: dict[str, Any]) -> None:
+        """Go on from the counts that `kept` returned."""
+        self.marks_reused = kept["marks_reused"]
+        self.total.add(counters_of(kept["total"]))
+        self.depths = [counters_of(depth) for depth in kept["depths"]]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the counters under the keys that the documentation lists, ready for JSON."""

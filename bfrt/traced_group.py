@@ -78,6 +78,16 @@ class TracedGroup:
         """Tell whether a pass reads only what is near rays."""
         return self._selection.hierarchy
 
+    @property
+    def grid(self) -> str:
+        """Tell which grid it is: voxels of others are others."""
+        return f"grid {self._cut.shape} across {self._cut.axis}"
+
+    @property
+    def voxels(self) -> int:
+        """Return the number of voxels of the grid."""
+        return self._cut.voxels
+
     def preprocess(self, subspace: int, counters: Counters, *, fresh: bool) -> None:
         """See that there are marks.
 

@@ -19,9 +19,12 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from bfrt.budget import Capacities
+from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.image.film import Film
 from bfrt.phases.all_hits import AllHits
+from bfrt.phases.flight import BegunAgain, Pool
 from bfrt.phases.traversal import Queue, Sink
+from bfrt.records import PATH_BYTES, RAY_BYTES
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
@@ -96,6 +99,52 @@ class Tracer(ABC):
     @abstractmethod
     def trace(self, queue: Queue, outcome: Outcome, counters: Counters, tell: Tell) -> None:
         """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
+
+    @property
+    @abstractmethod
+    def pool(self) -> Pool:
+        """Return the rays in flight."""
+
+    @abstractmethod
+    def where(self, group: int) -> str:
+        """Tell what the sentinels of rays in flight through a group are of."""
+
+    @abstractmethod
+    def save(self, writer: StateWriter) -> Facts:
+        """Save where `trace` is; only between two passes, when `tell` is called.
+
+        Returns
+        -------
+        dict
+            The group that rays go through, what their sentinels are of, the next pass's candidates.
+        """
+
+    @property
+    def state_bytes(self) -> int:
+        """Return about as many bytes as `save` writes."""
+        return self.pool.active * (RAY_BYTES + PATH_BYTES)
+
+    def begun_again(self, saved: SavedState, facts: Facts) -> Queue | None:
+        """Return the saved rays in flight, if they cannot go on where they were.
+
+        They have to be traced before the rest of the queue that they came from.
+        """
+        again = BegunAgain(saved)
+        same = facts["where"] == self.where(facts["group"]) and len(again) <= self.pool.capacity
+        return None if same or not len(again) else again
+
+    @abstractmethod
+    def restore(self, saved: SavedState, facts: Facts, *, rays: bool) -> None:
+        """Have the next `trace` begin where another was.
+
+        Parameters
+        ----------
+        saved : SavedState
+        facts : dict
+            What `save` returned.
+        rays : bool
+            Whether rays in flight go on where they were; otherwise they have begun again.
+        """
 
     def begin(self, stats: Stats) -> None:
         """Add the work of preparing to a record of counters; a second one gets none of it."""

@@ -19,6 +19,8 @@ from collections.abc import Callable
 import numpy as np
 
 from bfrt.budget import TreeCapacities
+from bfrt.checkpoint.state import Facts, SavedState, StateWriter
+from bfrt.phases.flight import Pool, restore_flight, save_flight
 from bfrt.phases.preprocess import padding_of
 from bfrt.phases.traversal import ADMITTED, FIRST_QUOTA, Queue, Sinks
 from bfrt.records import HIT
@@ -65,6 +67,7 @@ class TreeTracer(Tracer):
         super().__init__(store, settings, capacities)
         self.resident = capacities.resident
         self._bad = 0
+        self._least = FIRST_QUOTA
         try:
             self._scans = [
                 GroupScans(store, group, capacities.threads, capacities.read_buffer, True)
@@ -108,18 +111,18 @@ class TreeTracer(Tracer):
             crossings.attach(*rays.all)
         for intersector in self._intersectors:
             intersector.begin(None if crossings is None else crossings.buffer())
-        done, each = 0, FIRST_QUOTA
+        done = 0
         while len(queue) or rays.active:
             tell(done)
             with phases.traversal.timed():
                 if len(queue):
-                    each = FIRST_QUOTA
+                    self._least = FIRST_QUOTA
                 while len(queue) and rays.active < rays.capacity:
                     self._admit(queue)
                 if not self.resident:
-                    each = max(1, min(each, rays.room // max(1, rays.active)))
+                    each = max(1, min(self._least, rays.room // max(1, rays.active)))
                     self._collect(each, counters)
-                    each *= 2
+                    self._least = 2 * each
             with phases.intersection.timed():
                 if self.resident:
                     self._descend(counters)
@@ -128,6 +131,26 @@ class TreeTracer(Tracer):
             with phases.traversal.timed():
                 done += self._retire(sinks, counters)
         tell(done)
+
+    @property
+    def pool(self) -> Pool:
+        """Return the rays in flight."""
+        return self._rays
+
+    def where(self, group: int) -> str:
+        """Tell whether sentinels are treelets; where all are in memory there is none."""
+        return "memory" if self.resident else "treelets"
+
+    def save(self, writer: StateWriter) -> Facts:
+        """Save where `trace` is; only between two passes, when `tell` is called."""
+        save_flight(self.pool, writer)
+        return {"group": 0, "where": self.where(0), "least": self._least}
+
+    def restore(self, saved: SavedState, facts: Facts, *, rays: bool) -> None:
+        """Have the next `trace` begin where another was."""
+        self._least = facts["least"]
+        if rays:
+            restore_flight(self.pool, saved, self._forest.treelets)
 
     def _expect(self, rays: int) -> None:
         """Read all treelets, if so many more rays are likely to come to most of them."""

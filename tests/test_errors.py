@@ -16,6 +16,7 @@ MADE = [
     errors.SceneError("a"),
     errors.StoreError("a"),
     errors.BudgetError("a"),
+    errors.CheckpointError("a"),
     errors.ResourceError("a"),
     errors.SettingError("a"),
     errors.Cancelled("a"),

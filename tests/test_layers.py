@@ -9,7 +9,7 @@ ROOT = Path(__file__).parent.parent / "bfrt"
 
 #: From the ground up; what stands in one line may import from those before, and from itself.
 LAYERS = [
-    {"bits", "errors", "process", "records", "stats", "thread_body"},
+    {"bits", "errors", "process", "records", "stats", "thread_body", "version"},
     {"refusals", "threads"},
     {"workers"},
     {"ids", "masks", "memory", "paths", "planned", "progress"},
@@ -21,12 +21,14 @@ LAYERS = [
     {"store"},
     {"formats", "framing"},
     {"view"},
+    {"checkpoint"},
     {"scan"},
     {"grid"},
     {"phases"},
     {"tree"},
     {"budget", "traced_group"},
     {"tracer"},
+    {"render_state"},
     {"grid_tracer", "tree_tracer"},
     {"tracing"},
     {"reference", "scheduler"},

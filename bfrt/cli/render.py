@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from bfrt.checkpoint.checkpoint import EVERY, Checkpoint
 from bfrt.cli.bars import wants_bar
 from bfrt.cli.convert import convert_input
 from bfrt.cli.options import READING, Once, add_reading, command
 from bfrt.cli.view import add_view, camera_of
 from bfrt.conversion.sources import is_store
 from bfrt.errors import SettingError
-from bfrt.image.picture import SUFFIXES
+from bfrt.image.picture import SUFFIXES, Image
 from bfrt.paths import check_apart, check_file
 from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
@@ -61,6 +63,14 @@ def add_render(commands: Any) -> None:
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
     made.add_argument("--stats", action=Once, metavar="FILE", help="write counters as JSON")
     made.add_argument("--table", action="store_true", help="print counters as a table")
+    made.add_argument(
+        "--checkpoint", metavar="DIR",
+        help="folder that keeps the state: the same command goes on from there after a kill",
+    )  # fmt: skip
+    made.add_argument(
+        "--every", type=float, metavar="SECONDS",
+        help=f"between two saves of the state, at the least ({EVERY:g})",
+    )  # fmt: skip
     made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
     made.add_argument(
         "--fresh-marks", action="store_true", help="make the voxel marks of the store again"
@@ -76,13 +86,26 @@ def add_render(commands: Any) -> None:
 
 def run_render(options: argparse.Namespace) -> None:
     check_outputs(options, aovs_of(options.aov))
+    if options.every is not None and options.checkpoint is None:
+        raise SettingError(f"--every: found {options.every:g} without --checkpoint, which it is of")
     if options.plan:
         print(plan_asked(options))
         return
     if not options.output:
         raise SettingError("render: nothing to write: expected -o FILE, or --plan")
-    with opened(options) as scene:
-        image = scene.render(progress=wants_bar(options.quiet), **settings_of(options, scene))
+    with kept(options) as checkpoint:
+        with opened(options) as scene:
+            settings = settings_of(options, scene)
+            image = scene.render(
+                progress=wants_bar(options.quiet), checkpoint=checkpoint, **settings
+            )
+        write_outputs(options, image)
+        if checkpoint is not None:  # not before all is written
+            checkpoint.remove()
+
+
+def write_outputs(options: argparse.Namespace, image: Image) -> None:
+    """Write the picture and the counters to the files asked for."""
     for output in options.output:
         image.save(output, half=options.half and output.lower().endswith(".exr"))
     assert image.stats is not None
@@ -91,6 +114,19 @@ def run_render(options: argparse.Namespace) -> None:
             path.write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
     if options.table:
         print(image.stats.table())
+
+
+@contextmanager
+def kept(options: argparse.Namespace) -> Iterator[Checkpoint | None]:
+    """Yield the checkpoint asked for, open, which says on standard error where it goes on."""
+    if options.checkpoint is None:
+        yield None
+        return
+    if not options.quiet:
+        logging.getLogger("bfrt.checkpoint").setLevel(logging.INFO)
+    every = EVERY if options.every is None else options.every
+    with Checkpoint(options.checkpoint, every) as checkpoint:
+        yield checkpoint
 
 
 def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
@@ -108,7 +144,8 @@ def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
         raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
     for file in (*outputs, *stats):
         check_file(file)
-    check_apart(options.input, *outputs, *stats)
+    kept = [] if options.checkpoint is None else [options.checkpoint]
+    check_apart(options.input, *outputs, *stats, *kept)
 
 
 def plan_asked(options: argparse.Namespace) -> Plan:
@@ -119,7 +156,7 @@ def plan_asked(options: argparse.Namespace) -> Plan:
             "or bfrt spd has made"
         )
     scene = open_scene(options.input)
-    return scene.plan(**settings_of(options, scene))
+    return scene.plan(checkpoint=options.checkpoint, **settings_of(options, scene))
 
 
 def settings_of(options: argparse.Namespace, scene: Scene) -> dict[str, Any]:

@@ -83,8 +83,12 @@ cdef class Film:
         for plane, _ in self.planes():
             plane[:shared] = plane[last * across:last * across + shared]
         self.clear(shared)
-        self.row += last
-        self.first = self.row * <int64_t>across
+        self.begin_at(self.row + last)
+
+    def begin_at(self, int row):
+        """Begin with the band whose first image row is `row`."""
+        self.row = row
+        self.first = row * <int64_t>self.shape[1]
 
     def rows(self, int first, int last):
         """Return the channels of image rows [first, last) of this band: a dict of (rows, width).

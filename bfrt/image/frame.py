@@ -33,12 +33,15 @@ class FrameSize(NamedTuple):
         A pixel; 0 puts one at each pixel corner.
     aovs : tuple of str
         Which of `records.ON_REQUEST` it has.
+    band : int
+        Rows of each band, where a render that goes on has begun with them; 0 lets memory choose.
     """
 
     width: int = 0
     height: int = 0
     samples: int = 1
     aovs: tuple[str, ...] = ()
+    band: int = 0
 
     @property
     def extra(self) -> int:
@@ -88,8 +91,10 @@ def held_frame(frame: FrameSize, room: int, fewest: int) -> HeldFrame:
     if not frame.width:
         return HeldFrame(0, 0, on_disk=False)
     whole = frame.whole_bytes
-    if whole <= room * FRAME_PART:
+    if whole <= room * FRAME_PART and frame.band in (0, frame.height):
         return HeldFrame(frame.height, whole, on_disk=False)
+    if frame.band:
+        return HeldFrame(frame.band, frame.band_bytes(frame.band), on_disk=True)
     first = frame.band_bytes(1)
     row = frame.band_bytes(2) - first
     fits = int((room * BAND_PART - first) / row) + 1

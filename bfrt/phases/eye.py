@@ -59,6 +59,10 @@ class EyeRays:
     def __len__(self) -> int:
         return self._total - self._taken
 
+    def leave(self, left: int) -> None:
+        """Pass over rays until `left` of them wait."""
+        self._taken = self._total - left
+
     def read(self, most: int) -> NDArray[Any]:
         """Return the next rays, (n,) of records.QUEUED with n <= most."""
         rays = np.empty(min(most, len(self)), QUEUED)

@@ -3,7 +3,7 @@ refinement G)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,7 @@ from bfrt.records import NO_HIT, plain
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import PickedObjects
 from bfrt.store.stream import Stream
-from bfrt.streams.bucket_sort import buckets_of, gathered
+from bfrt.streams.bucket_sort import gathered, parted
 from bfrt.streams.spool import Spool
 
 
@@ -47,42 +47,71 @@ def picked(
     return PickedObjects(scans, stream, own[starts]), np.append(starts, len(own))
 
 
-def by_object(
-    hits: Spool, groups: list[GroupScans], room: int
-) -> Iterator[tuple[NDArray[Any], bool]]:
-    """Yield all hits of a spool, `room` at most at once, in the order of their objects.
+class HitLoads:
+    """Iterates over all hits of a spool, some at once, in the order of their objects.
 
     The paper sorts what fills memory, and sweeps for each such load. Where reading all geometry
     for every further load takes more bytes than parting the hits by object first, which writes
     and reads them once more, these are parted: loads are then in order too, but for a crowd on few
     objects, and one sweep is read in all. Without lazy geometry every load is a sweep in any case.
 
-    Yields
-    ------
-    hits : ndarray
-        The same memory each time.
-    begins : bool
-        Whether a sweep begins with them, or goes on.
+    Each load is an array of hits, the same memory each time, and whether a sweep begins with them,
+    or goes on.
+
+    Parameters
+    ----------
+    hits : Spool
+    groups : list of GroupScans
+    room : int
+        Hits at once, at the most.
     """
-    reached = np.uint64(NO_HIT)
-    streams = [stream for scans in groups for stream in scans.streams]
-    further = (len(hits) - 1) // room
-    swept = further * sum(stream.expected_bytes()["geometry"] for stream in streams)
-    moved = 2 * len(hits) * hits.dtype.itemsize
-    parts: Iterable[Spool] = (hits,)
-    if swept > moved and all(scans.lazy for scans in groups):
+
+    def __init__(self, hits: Spool, groups: list[GroupScans], room: int) -> None:
+        self._hits = hits
+        self._groups = groups
+        self._room = room
+        self._parts = [hits]
+
+    def __len__(self) -> int:
+        """Return the number of hits that are still to come."""
+        return sum(len(part) for part in self._parts)
+
+    def waiting(self) -> Iterator[NDArray[Any]]:
+        """Yield the hits that are still to come, in any order, and leave them."""
+        for part in self._parts:
+            yield from part.waiting()
+
+    def __iter__(self) -> Iterator[tuple[NDArray[Any], bool]]:
+        hits, room = self._hits, self._room
+        reached = np.uint64(NO_HIT)
+        load = np.empty(min(room, len(hits)), hits.dtype)
+        parts = self._parts = self._parted()
+        try:
+            for part in parts:
+                while len(part):
+                    n = _sort(gathered(part, room), load)
+                    begins, reached = bool(load["id"][0] < reached), load["id"][n - 1]
+                    yield load[:n], begins
+                if part is not hits:
+                    part.clear()
+        finally:
+            for part in parts:
+                if part is not hits:
+                    part.close()
+
+    def _parted(self) -> list[Spool]:
+        """Return the hits in spools by their objects, where that saves reading; or as they are."""
+        hits, room = self._hits, self._room
+        streams = [stream for scans in self._groups for stream in scans.streams]
+        further = (len(hits) - 1) // room
+        swept = further * sum(stream.expected_bytes()["geometry"] for stream in streams)
+        moved = 2 * len(hits) * hits.dtype.itemsize
+        if swept <= moved or not all(scans.lazy for scans in self._groups):
+            return [hits]
         counts = np.zeros(1 + max(stream.number for stream in streams), np.int64)
         counts[[stream.number for stream in streams]] = [stream.count for stream in streams]
         ends = np.cumsum(counts)
-        parts = buckets_of(
-            hits, partial(_places, begins=ends - counts), 0, int(ends[-1]), room, once=True
-        )
-    load = np.empty(min(room, len(hits)), hits.dtype)
-    for part in parts:
-        while len(part):
-            n = _sort(gathered(part, room), load)
-            begins, reached = bool(load["id"][0] < reached), load["id"][n - 1]
-            yield load[:n], begins
+        return parted(hits, partial(_places, begins=ends - counts), 0, int(ends[-1]), room)
 
 
 def _sort(hits: NDArray[Any], load: NDArray[Any]) -> int:

@@ -6,7 +6,7 @@ sweep over the objects meets them in order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bfrt.ids import index_of
 from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
-from bfrt.phases.hit_order import by_object, hits_of, picked
+from bfrt.phases.hit_order import HitLoads, hits_of, picked
 from bfrt.phases.lighting import lighting_of
 from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED_BYTES
 from bfrt.scan.scan import StreamScan
@@ -81,6 +81,7 @@ class Shading:
         queue: Spool,
         last: bool,
         counters: Counters,
+        between: Callable[[HitLoads], None],
     ) -> None:
         """Shade all hits, on objects of all groups; the next depth's rays go to `queue`.
 
@@ -88,10 +89,13 @@ class Shading:
         ----------
         last : bool
             Whether the maximum depth is reached: then there are shadow rays only.
+        between : callable
+            Called after each load, with the hits that are still to come.
         """
-        for shader in self._shaders:
-            shader.begin(queue.append, last)
-        for load, begins in by_object(hits, groups, self._capacity):
+        loads = HitLoads(hits, groups, self._capacity)
+        for load, begins in loads:
+            for shader in self._shaders:
+                shader.begin(queue.append, last)
             ids = np.ascontiguousarray(load["id"])
             for scans in groups:
                 for stream in scans.streams:
@@ -102,11 +106,12 @@ class Shading:
                         self._sweep(scans, stream, load[part])
                 counters.sweep(0 if scans.lazy else count_of(scans), scans, begins)
                 counters.phases.shading.swept(scans)
-        for shader in self._shaders:
-            shader.flush()
-            counters.rays.reflection += shader.reflection
-            counters.rays.refraction += shader.refraction
-            counters.rays.shadow += shader.shadow
+            for shader in self._shaders:
+                shader.flush()
+                counters.rays.reflection += shader.reflection
+                counters.rays.refraction += shader.refraction
+                counters.rays.shadow += shader.shadow
+            between(loads)
 
     def _pick(self, scans: GroupScans, stream: Stream, hits: NDArray[Any]) -> None:
         """Shade the hits on a stream's objects: only those are read."""

@@ -93,8 +93,9 @@ class RowPerRay(NamedTuple):
         rays = question.rays()
         check_out(self.fields, rays.known, question.out)
         with sessions(settings) as tracer:
-            query = Query(tracer, rays, self.kind, question.report)
-            if self.cast is not None and rays.known is not None and is_resident(tracer):
+            query = Query(tracer, rays, self.kind, question)
+            at_once = rays.known is not None and question.checkpoint is None
+            if self.cast is not None and at_once and is_resident(tracer):
                 return query.answer(cast_all(query, self.cast, self.fields, question.out))
             with Answers(query, self.absent.dtype, query.capacities.queue) as answers:
                 self.find(query, answers)
@@ -108,17 +109,21 @@ class RowPerRay(NamedTuple):
 
 def _nearest(query: Query, answers: Answers) -> None:
     with closing(query.spool(HIT, query.capacities.hits)) as hits:
-        query.trace(lambda rays: hits.append(rays[rays["id"] != NO_HIT].view(HIT)))
+        query.trace(lambda rays: hits.append(rays[rays["id"] != NO_HIT].view(HIT)), hits)
         _resolve(query, hits, query.capacities.hits, answers)
 
 
 def _any_hit(query: Query, answers: Answers) -> None:
     # What something stops does not come out.
-    query.trace(lambda rays: answers.append(_fields(rays, NUMBERED)))
+    query.trace(lambda rays: answers.append(_fields(rays, NUMBERED)), answers.spool)
 
 
 def _count(query: Query, answers: Answers) -> None:
-    query.trace(lambda rays: answers.append(_fields(rays[rays["count"] > 0], COUNTED)), AllHits())
+    query.trace(
+        lambda rays: answers.append(_fields(rays[rays["count"] > 0], COUNTED)),
+        answers.spool,
+        AllHits(),
+    )
 
 
 def _resolve(query: Query, hits: Spool, room: int, answers: Answers) -> None:
@@ -187,12 +192,12 @@ class RowPerHit:
         rays = question.rays()
         _check_folder(question.out)
         with sessions(settings) as tracer:
-            query = Query(tracer, rays, RayKind.EYE, question.report)
+            query = Query(tracer, rays, RayKind.EYE, question)
             room = tracer.capacities  # a ray may have many hits
             with Answers(query, SURFACE, room.queue) as answers:
                 with closing(query.spool(HIT, room.hits)) as hits:
                     crossings = AllHits(lambda found: hits.append(found.view(HIT)))
-                    query.trace(lambda rays: None, crossings)
+                    query.trace(lambda rays: None, hits, crossings)
                     _resolve(query, hits, room.hits, answers)
                 return query.answer(_listed(answers, query.rays, question.out))
 

@@ -11,14 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bfrt.checkpoint.checkpoint import Checkpoint
+from bfrt.checkpoint.soundness import Sound
+from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.phases.all_hits import AllHits
+from bfrt.phases.flight import PATHS
+from bfrt.phases.traversal import Queue
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries.answers import Out, ordered
 from bfrt.queries.rays import Given, RayQueue, Rays, rays_of
-from bfrt.records import QUERY_RAY, QUEUED_BYTES, RayKind
+from bfrt.records import HIT, QUERY_PATH, QUERY_RAY, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
 from bfrt.settings import Settings
-from bfrt.stats import Stats, peak_rss
+from bfrt.stats import Counters, Stats, peak_rss
 from bfrt.streams.spool import Spool
 from bfrt.tracer import Outcome, Tracer
 
@@ -26,6 +31,9 @@ log = logging.getLogger(__name__)
 
 #: The fewest answers that are worth holding in memory.
 FEWEST_HELD = 1024
+
+#: The file of what has come of rays.
+HELD = "held"
 
 #: Takes records of rays.
 Take = Callable[[NDArray[Any]], object]
@@ -58,6 +66,8 @@ class Question(NamedTuple):
         Where the answer goes.
     report : Report
         Called after each pass.
+    checkpoint : Checkpoint, optional
+        Keeps the state of the query, which goes on from the one that it has found.
     """
 
     origins: Given
@@ -66,6 +76,7 @@ class Question(NamedTuple):
     t_max: ArrayLike
     out: Out | None
     report: Report
+    checkpoint: Checkpoint | None = None
 
     def rays(self) -> Rays:
         """Return the rays, to be read once.
@@ -91,7 +102,7 @@ class Query:
     rays : Rays
     kind : RayKind
         EYE for nearest hits, SHADOW for any.
-    report : Report
+    question : Question
 
     Attributes
     ----------
@@ -104,14 +115,16 @@ class Query:
         is known.
     """
 
-    def __init__(self, tracer: Tracer, rays: Rays, kind: RayKind, report: Report) -> None:
+    def __init__(self, tracer: Tracer, rays: Rays, kind: RayKind, question: Question) -> None:
         self.tracer = tracer
         whole = tracer.capacities
         self.capacities = whole if rays.known is None else whole.for_hits(rays.known)
         self.stats = stats_of(tracer)
-        self.queue = RayQueue(tracer.store, rays.blocks, kind)
+        self._checkpoint = question.checkpoint
+        kept = self._checkpoint is not None
+        self.queue = RayQueue(tracer.store, rays.blocks, kind, checked=kept)
         self.known = rays.known
-        self._report = report
+        self._report = question.report
         self._start = time.perf_counter()
 
     @property
@@ -119,12 +132,43 @@ class Query:
         """Return the number of rays so far: all, once they are traced."""
         return self.queue.taken
 
-    def trace(self, take: Take, crossings: AllHits | None = None) -> None:
-        """Take all rays through the scene; `take` gets them, of QUERY_RAY, as they are complete."""
+    def trace(self, take: Take, held: Spool, crossings: AllHits | None = None) -> None:
+        """Take all rays through the scene.
+
+        Parameters
+        ----------
+        take : callable
+            Gets the rays, of QUERY_RAY, as they are complete.
+        held : Spool
+            What has come of them, which is a part of the query's state.
+        crossings : AllHits, optional
+            Gets all hits of each ray.
+        """
         self.tracer.begin(self.stats)
+        outcome = Outcome(Complete(take), None, crossings)
+        began, before = time.perf_counter(), 0
         with self.stats.depth(1) as counters:
-            outcome = Outcome(Complete(take), None, crossings)
-            self.tracer.trace(self.queue, outcome, counters, self.tell)
+            if self._checkpoint is not None and self._checkpoint.found is not None:
+                saved = self._checkpoint.found
+                before = go_on(self, saved, outcome, counters, held)
+                self._checkpoint.went_on(f"{before:,} rays, of {self.rays:,} begun")
+
+            def save(writer: StateWriter, done: int) -> Facts:
+                stats = self.stats.kept(1, counters, started=self._start, began=began)
+                return {**save_query(self, writer, held), "done": done, "stats": stats}
+
+            def between_passes(done: int) -> None:
+                if self._checkpoint is None:
+                    self.tell(done)
+                    return
+                size = self.tracer.state_bytes + len(held) * held.dtype.itemsize
+                self._checkpoint.between_passes(
+                    lambda writer: save(writer, before + done),
+                    size,
+                    lambda: self.tell(before + done),
+                )
+
+            self.tracer.trace(self.queue, outcome, counters, between_passes)
             counters.rays.eye = self.rays
 
     def tell(self, done: int) -> None:
@@ -149,6 +193,71 @@ class Query:
         return answer
 
 
+def save_query(query: Query, writer: StateWriter, held: Spool) -> Facts:
+    """Save a query between two passes: the rays taken, those in flight, what has come of others."""
+    writer.put(HELD, held.waiting())
+    return {"rays": query.queue.facts(), "tracer": query.tracer.save(writer)}
+
+
+def go_on(
+    query: Query, saved: SavedState, outcome: Outcome, counters: Counters, held: Spool
+) -> int:
+    """Bring a query back to where it was; return how many of its rays are finished.
+
+    Rays for which there is no way back are traced anew. Of those whose hits are all wanted, what
+    was found before is forgotten.
+    """
+    facts, tracer = saved.facts, query.tracer
+    saved.sound = Sound(tracer.store, rays=facts["rays"]["taken"])
+    query.queue.go_on(facts["rays"])
+    query.stats.go_on(facts["stats"])
+    done: int = facts["done"]
+    again = tracer.begun_again(saved, facts["tracer"])
+    blocks = saved.blocks(HELD, held.dtype)
+    if again is not None and outcome.crossings is not None:
+        again = Anew(again)
+        if held.dtype == HIT:
+            numbers = np.concatenate([path["number"] for path in saved.blocks(PATHS, QUERY_PATH)])
+            blocks = without(blocks, np.sort(numbers))
+    held.restore(blocks)
+    if again is not None:
+        rays = len(again)
+        tracer.trace(again, outcome, counters, lambda _: query.tell(done))
+        done += rays
+    tracer.restore(saved, facts["tracer"], rays=again is None)
+    return done
+
+
+def without(blocks: Iterator[NDArray[Any]], numbers: NDArray[np.uint64]) -> Iterator[NDArray[Any]]:
+    """Yield hits, of records.HIT, but for those of the rays with some numbers, ascending."""
+    for hits in blocks:
+        own = hits.view(QUERY_RAY)["number"]
+        at = np.minimum(np.searchsorted(numbers, own), len(numbers) - 1)
+        yield hits[numbers[at] != own]
+
+
+class Anew:
+    """Queues rays whose hits are counted from nothing.
+
+    Parameters
+    ----------
+    rays : Queue
+        Of records.HIT, with paths of QUERY_PATH.
+    """
+
+    def __init__(self, rays: Queue) -> None:
+        self._rays = rays
+
+    def __len__(self) -> int:
+        return len(self._rays)
+
+    def read(self, most: int) -> NDArray[Any]:
+        """Return the next rays, (n,) of records.HIT with n <= most."""
+        some = self._rays.read(most)
+        some.view(QUERY_RAY)["count"] = 0
+        return some
+
+
 class Complete:
     """Hands rays on as they are complete, in place of a spool."""
 
@@ -169,23 +278,28 @@ class Answers:
         The type of an answer's record.
     rays : int
         Rays whose memory they may take.
+
+    Attributes
+    ----------
+    spool : Spool
+        The answers so far.
     """
 
     def __init__(self, query: Query, dtype: np.dtype[Any], rays: int) -> None:
         self._room = max(FEWEST_HELD, rays * QUEUED_BYTES // dtype.itemsize)
-        self._spool = query.spool(dtype, self._room)
+        self.spool = query.spool(dtype, self._room)
         self._query = query
-        self.append = self._spool.append
+        self.append = self.spool.append
 
     def __len__(self) -> int:
-        return len(self._spool)
+        return len(self.spool)
 
     def ordered(self) -> Iterator[NDArray[Any]]:
         """Yield them by ascending ray numbers, once all rays are traced."""
-        return ordered(self._spool, self._query.rays, self._room)
+        return ordered(self.spool, self._query.rays, self._room)
 
     def __enter__(self) -> Answers:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._spool.close()
+        self.spool.close()

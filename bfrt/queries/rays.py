@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import zlib
 from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bfrt.checkpoint.state import Facts
 from bfrt.errors import SceneError, SettingError, StreamError
 from bfrt.formats.npy import NpyArray
 from bfrt.formats.source import Source
@@ -50,13 +52,20 @@ class Rays(NamedTuple):
 class RayQueue:
     """Queues the rays of a query, and makes them into records as they are taken.
 
+    Parameters
+    ----------
+    checked : bool
+        Whether their checksums are taken too: of origins, directions, and each end.
+
     Attributes
     ----------
     taken : int
         Rays taken so far.
     """
 
-    def __init__(self, store: Store, blocks: Iterator[Block], kind: RayKind) -> None:
+    def __init__(
+        self, store: Store, blocks: Iterator[Block], kind: RayKind, *, checked: bool = False
+    ) -> None:
         empty = store.bounds.empty
         bounds = np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi])
         self._records = RayRecords(store.origin, bounds, kind)
@@ -64,6 +73,8 @@ class RayQueue:
         self._at = 0
         self._block: Block | None = None
         self._bad: list[int] = []
+        self._checked = checked
+        self._checks = [0] * 4
         self.taken = 0
         self._next()
 
@@ -87,6 +98,38 @@ class RayQueue:
         block = self.take(most)
         return self.records(block, 0, len(block[0]), first).view(HIT)
 
+    def go_on(self, saved: Facts) -> None:
+        """Go on behind the rays that were taken before, which must be the same.
+
+        Parameters
+        ----------
+        saved : dict
+            What `facts` returned.
+
+        Raises
+        ------
+        SettingError
+            If they are not.
+        """
+        taken = saved["taken"]
+        while self.taken < taken and len(self):
+            self.take(min(RAYS_AT_ONCE, taken - self.taken))
+        if self.taken < taken:
+            raise SettingError(
+                f"checkpoint: found {self.taken} rays, expected the {taken} or more that the work "
+                "was begun with"
+            )
+        if self._checks != saved["checksums"]:
+            raise SettingError(
+                f"checkpoint: found other rays among the first {taken} than the work was begun "
+                "with, expected the same: go on as it was begun, or name another folder"
+            )
+        self._bad.append(saved["bad"])
+
+    def facts(self) -> Facts:
+        """Return how many rays were taken, of which so many were bad, and their checksums."""
+        return {"taken": self.taken, "bad": self.bad, "checksums": [*self._checks]}
+
     def take(self, most: int) -> Block:
         """Return the next rays as they are given, `most` at the most."""
         n = min(most, len(self))
@@ -99,7 +142,11 @@ class RayQueue:
         self.taken += n
         if self._at == len(o):
             self._next()
-        return o[part], d[part], near[part], far[part]
+        taken = o[part], d[part], near[part], far[part]
+        if self._checked:
+            for k, given in enumerate(taken):
+                self._checks[k] = zlib.crc32(np.ascontiguousarray(given).data, self._checks[k])
+        return taken
 
     def records(self, block: Block, first: int, last: int, number: int) -> NDArray[Any]:
         """Make rays [first, last) of a block into records.QUERY_RAY; any thread may.

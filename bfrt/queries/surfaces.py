@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.phases.hit_order import by_object, hits_of, picked
+from bfrt.phases.hit_order import HitLoads, hits_of, picked
 from bfrt.queries._surfaces import surfaces
 from bfrt.records import QUERY_RAY
 from bfrt.scan.scan import StreamScan
@@ -48,7 +48,7 @@ def surfaces_of(
         It gets what this costs.
     """
     groups = tracer.scans
-    for records, begins in by_object(hits, groups, max(1, room // 2)):
+    for records, begins in HitLoads(hits, groups, max(1, room // 2)):
         some = records.view(QUERY_RAY)
         faces = Surfaces(some, tracer.workers)
         for scans in groups:

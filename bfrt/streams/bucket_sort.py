@@ -19,12 +19,12 @@ Numbers = Callable[[Records], NDArray[np.int64]]
 
 
 def buckets_of(
-    records: Spool, numbers: Numbers, first: int, last: int, room: int, *, once: bool = False
+    records: Spool, numbers: Numbers, first: int, last: int, room: int
 ) -> Iterator[Spool]:
     """Yield all records in spools, one after another, by ascending ranges of their numbers.
 
-    Each has `room` records at the most, unless they are of one number, or are parted `once` only.
-    No more are in memory at once; a spool is empty when the next is asked for.
+    Each has `room` records at the most, unless they are of one number. No more are in memory at
+    once; a spool is empty when the next is asked for.
 
     Parameters
     ----------
@@ -35,7 +35,29 @@ def buckets_of(
         if len(records):
             yield records
         return
-    width = -(-(last - first) // PARTS)
+    width = _width(first, last)
+    parts = parted(records, numbers, first, last, room)
+    try:
+        for number, part in enumerate(parts):
+            begin = first + number * width
+            yield from buckets_of(part, numbers, begin, min(last, begin + width), room)
+            part.clear()
+    finally:
+        for part in parts:
+            part.close()
+
+
+def parted(records: Spool, numbers: Numbers, first: int, last: int, room: int) -> list[Spool]:
+    """Divide all records among spools of equal ranges of their numbers, ascending; close those.
+
+    Parameters
+    ----------
+    records : Spool
+        Numbers are in [first, last). It is empty afterwards.
+    room : int
+        Records in memory at once.
+    """
+    width = _width(first, last)
     parts = [records.beside() for _ in range(first, last, width)]
     try:
         while len(records):
@@ -46,17 +68,17 @@ def buckets_of(
             for part, begin, end in zip(parts, [0, *ends[:-1]], ends, strict=True):
                 if begin < end:
                     part.append(some[begin:end])
-        records.clear()
-        for number, part in enumerate(parts):
-            begin = first + number * width
-            if once and len(part):
-                yield part
-            elif not once:
-                yield from buckets_of(part, numbers, begin, min(last, begin + width), room)
-            part.clear()
-    finally:
+    except BaseException:
         for part in parts:
             part.close()
+        raise
+    records.clear()
+    return parts
+
+
+def _width(first: int, last: int) -> int:
+    """Return the numbers of each part of a range."""
+    return -(-(last - first) // PARTS)
 
 
 def gathered(records: Spool, room: int) -> NDArray[Any]:

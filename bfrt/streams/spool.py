@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import threading
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ Records = NDArray[Any]
 
 #: Records that there is memory for from the beginning, or a few times as many.
 FIRST = 1 << 14
+
+#: Bytes that are read at once of records that go on waiting.
+LOOKED_AT_BYTES = 1 << 20
 
 
 class Spool:
@@ -93,6 +97,28 @@ class Spool:
         if inside > 0 or n == 0:
             return self._memory[first : first + n]
         return self._read(first - self._room, n)
+
+    def waiting(self) -> Iterator[Records]:
+        """Yield the records that wait, oldest first, and leave them: views of memory, new arrays.
+
+        None may be appended or read meanwhile; of their traffic nothing is counted.
+        """
+        first = self._taken
+        if first < min(self._room, self._appended):
+            yield self._memory[first : min(self._room, self._appended)]
+        counts, last_end, first = [*self._counts], self._last_end, max(first, self._room)
+        while first < self._appended:
+            n = min(self._appended - first, max(1, LOOKED_AT_BYTES // self.dtype.itemsize))
+            yield self._read(first - self._room, n)
+            first += n
+        self._counts[:], self._last_end = counts, last_end
+
+    def restore(self, blocks: Iterable[Records]) -> None:
+        """Hold these records alone, in order; of the traffic nothing is counted."""
+        self.clear()
+        for block in blocks:
+            self.append(block)
+        self.counts()
 
     def counts(self) -> tuple[int, int, int]:
         """Return the bytes read, bytes written and seeks on disk since the last call."""

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bfrt.phases.hit_order import by_object
+from bfrt.phases.hit_order import HitLoads
 from bfrt.phases.shading import SHADED_HIT_BYTES
 from bfrt.records import HIT, INDEX_BITS
 from bfrt.streams.spool import Spool
@@ -21,7 +21,7 @@ COUNTS = {1: 50, 2: 900, 7: 30}
 
 
 def groups(lazy=True, record=1000):
-    """Two groups as by_object sees them, of objects of so many bytes."""
+    """Two groups as HitLoads sees them, of objects of so many bytes."""
     streams = [
         SimpleNamespace(number=n, count=c, expected_bytes=lambda c=c: {"geometry": c * record})
         for n, c in COUNTS.items()
@@ -46,9 +46,9 @@ def hits(tmp_path):
 
 @pytest.mark.parametrize("room", [7, 150, 5000])
 @pytest.mark.parametrize(("lazy", "record"), [(True, 1000), (True, 1), (False, 1000)])
-def test_all_hits_come_in_loads_by_object(hits, room, lazy, record):
+def test_all_hits_come_in_loads_HitLoads(hits, room, lazy, record):
     spool, records = hits
-    found = ((load.copy(), new) for load, new in by_object(spool, groups(lazy, record), room))
+    found = ((load.copy(), new) for load, new in HitLoads(spool, groups(lazy, record), room))
     loads, begins = zip(*found, strict=True)
     assert len(spool) == 0
     assert all(0 < len(load) <= room for load in loads)
@@ -71,7 +71,7 @@ def test_all_hits_come_in_loads_by_object(hits, room, lazy, record):
 def test_few_hits_are_not_moved(hits):
     spool, _ = hits
     spool.counts()
-    list(by_object(spool, groups(), 5000))
+    list(HitLoads(spool, groups(), 5000))
     assert spool.counts()[1] == 0
 
 
@@ -87,7 +87,7 @@ def test_loads_take_what_the_plan_says(tmp_path, record):
         tracemalloc.start()
         try:
             loads = 0
-            for load, _ in by_object(spool, groups(record=record), room):
+            for load, _ in HitLoads(spool, groups(record=record), room):
                 ids = np.ascontiguousarray(load["id"])  # as phases do
                 assert (np.diff(ids.astype(np.int64)) >= 0).all()
                 loads += 1
@@ -99,4 +99,4 @@ def test_loads_take_what_the_plan_says(tmp_path, record):
 
 
 def test_no_hits(tmp_path):
-    assert list(by_object(Spool(HIT, 5, tmp_path), groups(), 5)) == []
+    assert list(HitLoads(Spool(HIT, 5, tmp_path), groups(), 5)) == []

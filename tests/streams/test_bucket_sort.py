@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.streams import bucket_sort
-from bfrt.streams.bucket_sort import buckets_of, gathered
+from bfrt.streams.bucket_sort import buckets_of, gathered, parted
 from bfrt.streams.spool import Spool
 
 RECORD = np.dtype([("number", "<i8"), ("order", "<i8")])
@@ -63,11 +63,14 @@ def test_parts_ascend_and_fit(values, room, memory, parts):
 def test_parted_once(tmp_path, monkeypatch):
     monkeypatch.setattr(bucket_sort, "PARTS", 4)
     spool = spool_of([*range(40)] * 5, 0, tmp_path)
-    found = [gathered(part, 999) for part in buckets_of(spool, numbers, 0, 40, 10, once=True)]
+    parts = parted(spool, numbers, 0, 40, 10)
+    found = [gathered(part, 999) for part in parts]
     assert [len(part) for part in found] == [50] * 4
     assert [set(part["number"]) for part in found] == [
         {*range(first, first + 10)} for first in range(0, 40, 10)
     ]
+    for part in parts:
+        part.close()
     spool.close()
 
 

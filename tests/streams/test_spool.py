@@ -34,6 +34,32 @@ def scratch(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("room", [0, 1, 7, 20, 100])
+def test_what_waits_is_looked_at_and_left(scratch, room, monkeypatch):
+    """It can be another spool's, whatever memory that has; nothing of it is counted."""
+    monkeypatch.setattr(spool_module, "LOOKED_AT_BYTES", 3 * RECORD.itemsize)
+    spool, other = Spool(RECORD, room, scratch), Spool(RECORD, 9, scratch)
+    spool.append(records(0, 13))
+    assert len(spool.read(5)) + len(spool.read(1)) > 1
+    spool.append(records(13, 10))
+    taken = 23 - len(spool)
+    spool.counts()
+    for _ in range(2):
+        blocks = list(spool.waiting())
+        assert np.concatenate(blocks)["number"].tolist() == [*range(taken, 23)]
+    assert spool.counts() == (0, 0, 0)
+    other.append(records(50, 3))
+    other.restore(spool.waiting())
+    assert other.counts() == (0, 0, 0) and len(other) == len(spool)
+    for each in (spool, other):
+        found = []
+        while len(each):
+            found += each.read(4)["number"].tolist()
+        assert found == [*range(taken, 23)]
+        assert list(each.waiting()) == []
+        each.close()
+
+
 @pytest.fixture(autouse=True)
 def grows_soon(monkeypatch):
     """Memory that is taken a few records at a time, as that of large spools is."""

@@ -1,0 +1,270 @@
+"""The folder that holds the state of one piece of work: one generation, or two for a moment."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import logging
+import math
+import os
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+
+from bfrt.checkpoint.identity import Identity, check_same
+from bfrt.checkpoint.pace import Pace
+from bfrt.checkpoint.soundness import check_facts
+from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
+from bfrt.errors import BfrtError, CheckpointError, SettingError
+from bfrt.paths import check_folder
+from bfrt.refusals import refused
+from bfrt.store.header import Check
+from bfrt.streams.atomic_write import sync_folder
+
+log = logging.getLogger(__name__)
+
+#: Seconds between saves, unless another number is asked for.
+EVERY = 60.0
+
+#: Names of generations; while one is written, with `PART` behind.
+GENERATION = re.compile(r"state\.([0-9]{1,18})(\.part)?")
+PART = ".part"
+
+#: What the system says where folders cannot be locked: some network file systems.
+UNLOCKED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
+
+
+class Checkpoint:
+    """Keeps the state of one piece of work in a folder, complete or not at all.
+
+    As a context it owns the folder: a lock, which the system takes back from a killed process,
+    keeps another run out. What a killed run was just writing is removed.
+
+    Parameters
+    ----------
+    folder : path-like
+        It need not be there.
+    every : float
+        Seconds between two saves at the least. Where saving takes long it is done less often: it
+        costs no more than a fiftieth of the time. 0 means after every pass, whatever it costs.
+
+    Attributes
+    ----------
+    folder : Path
+    found : SavedState, optional
+        The state that work goes on from, once `find` has looked.
+
+    Raises
+    ------
+    SettingError
+        If the folder cannot be one that is written to, is in use, or `every` is no such number.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], every: float = EVERY) -> None:
+        number = isinstance(every, (int, float)) and not isinstance(every, bool)
+        if not number or not math.isfinite(every) or every < 0:
+            raise SettingError(f"every: found {every!r:.80}, expected seconds, 0 or more")
+        self.folder = check_folder("checkpoint", folder, ())
+        self.found: SavedState | None = None
+        self._pace = Pace(float(every))
+        self._identity: Identity = {}
+        self._number = 0
+        self._lock = -1
+
+    def __enter__(self) -> Checkpoint:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        except OSError as error:
+            raise refused(self.folder, 0, error, "creating") from error
+        try:
+            self._take()
+            self._remove(lambda _, part: part)
+        except BaseException:
+            self._release()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if not self._generations():
+                self.folder.rmdir()
+        except OSError:  # others put something in, or removed it
+            log.debug("%s: is left as it is", self.folder)
+        self._release()
+
+    def _take(self) -> None:
+        """Lock the folder."""
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SettingError(
+                f"checkpoint: {self.folder}: found another run at work with it, expected a folder "
+                "for each"
+            ) from None
+        except OSError as error:
+            if error.errno not in UNLOCKED:
+                raise refused(self.folder, 0, error, "locking") from error
+
+    def _release(self) -> None:
+        lock, self._lock = self._lock, -1
+        os.close(lock)
+
+    def find(self, identity: Identity, facts: Check) -> SavedState | None:
+        """Return the state to go on from, if there is one; begin the work that `identity` says.
+
+        Its facts must pass the check `facts`.
+
+        Of two complete generations, as a kill leaves them, it is the later one; if that is damaged,
+        the one before.
+
+        Raises
+        ------
+        SettingError
+            If it is the state of other work.
+        CheckpointError
+            If there is none that is whole.
+        StreamError
+            If the system refuses to read it.
+        """
+        self._identity = identity
+        self.found = self._latest(identity)
+        if self.found is not None:
+            check_facts(self.found.folder / HEADER, self.found.facts, facts)
+        return self.found
+
+    def _latest(self, identity: Identity) -> SavedState | None:
+        """Return the latest state that is whole."""
+        numbers = self._generations()
+        self._number = max(numbers, default=0)
+        damage: CheckpointError | None = None
+        for number in sorted(numbers, reverse=True):
+            try:
+                state = SavedState(self._path(number))
+            except CheckpointError as error:
+                damage = damage or error
+                continue
+            check_same(self.folder, state.identity, identity)
+            if damage is not None:
+                log.warning("%s; the state before it is whole, and is used", damage)
+            return state
+        if damage is not None:
+            raise damage
+        return None
+
+    def went_on(self, where: str) -> None:
+        """Say that work went on from the state found."""
+        log.info("%s: goes on where it was left: %s", self.folder, where)
+
+    def between_passes(
+        self, write: Callable[[StateWriter], Facts], size: int, tell: Callable[[], None]
+    ) -> None:
+        """Save a state of about `size` bytes if that is due, and tell how far the work is.
+
+        Where that ends the work the state is saved before, if nobody would have to wait for it.
+        """
+        due = self._pace.due(size)
+        if due:
+            self.save(write)
+        try:
+            tell()
+        except BaseException:
+            if not due and self._pace.at_once(size):
+                self._save_last(write)
+            raise
+
+    def _save_last(self, write: Callable[[StateWriter], Facts]) -> None:
+        """Save a state while work ends for a reason of its own, which is the one to hear about."""
+        try:
+            self.save(write)
+        except BfrtError as error:
+            log.warning("%s: the last state could not be saved: %s", self.folder, error)
+
+    def save(self, write: Callable[[StateWriter], Facts]) -> None:
+        """Save a state, in place of the one before.
+
+        Parameters
+        ----------
+        write : callable
+            Puts the files of the state, and returns its facts, for JSON.
+
+        Raises
+        ------
+        DiskFullError, StreamError
+            If the system refuses; the state before is still there.
+        """
+        start = time.perf_counter()
+        number = self._number + 1
+        part = self.folder / f"{self._path(number).name}{PART}"
+        try:
+            part.mkdir(mode=0o700)
+            writer = StateWriter(part)
+            writer.complete(self._identity, write(writer))
+            part.rename(self._path(number))
+            sync_folder(self.folder)
+        except BaseException as error:
+            shutil.rmtree(part, ignore_errors=True)
+            if isinstance(error, OSError):
+                raise refused(part, 0, error, "saving") from error
+            raise
+        self._number = number
+        self._remove(lambda other, _: other != number)
+        self._pace.saved(writer.bytes, time.perf_counter() - start)
+        log.debug("%s: saved %d bytes", self.folder, writer.bytes)
+
+    def remove(self) -> None:
+        """Remove the state: the work is finished."""
+        self._remove(lambda number, part: True)
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"state.{number}"
+
+    def _generations(self) -> list[int]:
+        """Return the numbers of the complete generations."""
+        matches = [GENERATION.fullmatch(name) for name in self._names()]
+        return [int(match[1]) for match in matches if match and not match[2]]
+
+    def _names(self) -> list[str]:
+        try:
+            return os.listdir(self.folder)  # noqa: PTH208  # the names are what is wanted
+        except OSError as error:
+            raise refused(self.folder, 0, error, "reading") from error
+
+    def _remove(self, unwanted: Callable[[int, bool], bool]) -> None:
+        """Remove generations, of which their number tells, and whether they are parts."""
+        for name in self._names():
+            match = GENERATION.fullmatch(name)
+            if match and unwanted(int(match[1]), bool(match[2])):
+                path = self.folder / name
+                try:
+                    # A kill leaves no generation that has lost some of its files.
+                    if not match[2]:
+                        path = path.rename(path.with_name(f"{name}{PART}"))
+                    shutil.rmtree(path)
+                except OSError as error:
+                    log.warning("%s: could not be removed: %s", path, error)
+
+
+@contextmanager
+def keeping(
+    checkpoint: str | os.PathLike[str] | Checkpoint | None, every: float
+) -> Iterator[Checkpoint | None]:
+    """Yield the checkpoint that a caller asks for, open; it is removed if the work ends well.
+
+    One that is open already is the caller's to remove, when what was made is saved too.
+    """
+    if checkpoint is None or isinstance(checkpoint, Checkpoint):
+        yield checkpoint
+        return
+    with Checkpoint(checkpoint, every) as kept:
+        yield kept
+        kept.remove()

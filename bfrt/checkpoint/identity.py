@@ -1,0 +1,88 @@
+"""What a checkpoint is the state of: work with other settings that matter is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from bfrt.errors import SettingError
+from bfrt.settings import Settings
+from bfrt.store.store import Store
+from bfrt.version import VERSION
+from bfrt.view import View
+
+Identity = dict[str, Any]
+
+
+def identity_of(what: str, store: Store, settings: Settings) -> Identity:
+    """Return what identifies work on a scene: what is done, by which version, of which scene.
+
+    Parameters
+    ----------
+    what : str
+        The function: "render", "cast_rays" ...
+    """
+    return {
+        "version": VERSION,
+        "work": what,
+        "scene": f"{store.checksum:08x}",
+        "objects": store.objects,
+        "refine": settings.refinement.name,
+    }
+
+
+def identity_of_render(store: Store, view: View, settings: Settings) -> Identity:
+    """Return what identifies a render: also all that changes its picture.
+
+    Memory, threads and the grid change nothing of it, and are left out.
+    """
+    camera = view.camera
+    return _plain(
+        {
+            **identity_of("render", store, settings),
+            "eye": camera.eye,
+            "at": camera.at,
+            "up": camera.up,
+            "angle": camera.angle,
+            "resolution": camera.resolution,
+            "samples": view.samples,
+            "depth": view.depth,
+            "lights": view.lights,
+            "background": store.background,
+            "aovs": view.aovs,
+        }
+    )
+
+
+def check_same(folder: Path, found: Identity, expected: Identity) -> None:
+    """Refuse the state of other work.
+
+    Raises
+    ------
+    SettingError
+        If it is; the message has the first setting that differs.
+    """
+    for name in (*expected, *found):
+        if found.get(name) != expected.get(name):
+            raise SettingError(
+                f"checkpoint: {folder}: found the state of work with {name} "
+                f"{_shown(found.get(name))}, expected {name} {_shown(expected.get(name))}: "
+                "go on as it was begun, or name another folder"
+            )
+
+
+def _plain(identity: Identity) -> Identity:
+    """Return it as it is read from a file: lists for tuples, Python's numbers for NumPy's."""
+    made: Identity = json.loads(json.dumps(identity, default=_number))
+    return made
+
+
+def _number(value: Any) -> int | float:
+    """Return a number of NumPy's as Python's."""
+    number: int | float = value.item()
+    return number
+
+
+def _shown(value: object) -> str:
+    return f"{json.dumps(value):.120}"
