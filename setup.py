@@ -17,7 +17,7 @@ BUILD = os.environ.get("BFRT_BUILD", "release")
 # change no value: nobody reads errno or the floating-point flags.
 EXACT = ["-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS = {
-    "release": ["-O3"],
+    "release": ["-O3", "-g0"],  # Python's own -g makes modules three times as large
     "debug": ["-O1", "-g"],
     "sanitize": ["-O1", "-g", "-fsanitize=address,undefined", "-fno-omit-frame-pointer"],
 }[BUILD]

@@ -241,5 +241,5 @@ class TreeTracer(Tracer):
         if sinks.film is not None:
             counters.rays.eye_hits += sum(eyes)
         firsts, counts = np.array(sorted(parts), np.int64).reshape(-1, 2).T.copy()
-        rays.compact(firsts, counts)
+        rays.compact(0, firsts, counts)
         return before - rays.active

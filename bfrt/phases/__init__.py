@@ -8,6 +8,7 @@
 
 What the loops are made of, inline::
 
+    in_flight      RaysInFlight              the memory of rays, and how complete ones leave it
     traversal      RayPool ──► slab_walk     a ray's candidates in a slab, and its sentinel
                        └─────► outliers      objects that are in no voxel
     intersection   Intersector ─► pending    rays that met a box, tested against the object

@@ -7,24 +7,18 @@ from bfrt.grid.grid import Grid
 from bfrt.grid.slabs import Slabs
 from bfrt.grid.voxel_rays import VoxelRays
 from bfrt.image.film import Film
+from bfrt.phases.in_flight import RaysInFlight
 from bfrt.phases.outliers import Outliers
 
-RAY_WORDS: int
-
-class RayPool:
-    active: int
-    capacity: int
+class RayPool(RaysInFlight):
     def __init__(self, capacity: int, candidates: int) -> None: ...
     @property
     def in_flight(self) -> NDArray[Any]: ...
-    @property
-    def all(self) -> tuple[NDArray[Any], NDArray[Any]]: ...
     @property
     def room(self) -> NDArray[np.uint64]: ...
     @property
     def stored(self) -> int: ...
     def enter_grid(self) -> None: ...
-    def come(self, n: int) -> None: ...
     def admit(
         self,
         queued: NDArray[Any],
@@ -57,4 +51,3 @@ class RayPool:
         background: NDArray[np.float64],
         hits: NDArray[Any],
     ) -> tuple[int, int, int]: ...
-    def compact(self, base: int, firsts: NDArray[np.int64], counts: NDArray[np.int64]) -> None: ...

@@ -12,21 +12,18 @@ from bfrt.grid.slabs cimport Slab, Slabs
 from bfrt.grid.voxel_rays cimport VoxelRays
 from bfrt.grid.walk cimport Walk, voxel_enter, walk_resume, walk_start
 from bfrt.image.film cimport Film
+from bfrt.phases.in_flight cimport RaysInFlight
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.phases.outliers cimport Outliers, meet_outliers
-from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
+from bfrt.phases.ray_records cimport LIGHT, take_over
 from bfrt.phases.slab_walk cimport UNSEEN, Outgoing, flush, slab_of, walk_ray
-from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
+from bfrt.records cimport NO_HIT, SHADOW, Hit, Queued, Ray
 
 import numpy as np
 
-from bfrt.records import CANDIDATE_BYTES, PATH, RAY, RAY_BYTES
 
 cdef enum:
     NO_SLAB = 1 << 30  # farther than any
-
-#: A ray's memory, in candidates'.
-RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
 
 
 cdef inline void begin(Ray* r, double t, uint64_t id, uint16_t kind) noexcept nogil:
@@ -62,58 +59,27 @@ cdef inline int part_of(const Slab* s, const Ray* r, int slabs) noexcept nogil:
     return 2 * slabs - 1 - slab if descends(s, r) else slab
 
 
-cdef inline bint complete(const Ray* r, Grid grid) noexcept nogil:
-    """Tell whether a ray has no sentinel, or a nearer hit: strictly, so that all ties are met."""
-    cdef Line line
-    if r.voxel == NOWHERE:
-        return True
-    if r.t == INFINITY:
-        return False
-    line = ray_line(r)
-    return r.t < voxel_enter(&grid.planes, &line, r.voxel, r.face)
-
-
 @cython.final
-cdef class RayPool:
-    """Holds the memory of rays in flight, and the loops over them.
-
-    ::
-
-        RAY RAY RAY ...|                     candidates |
-            active rays                                    the fewer there are, the more each gets
+cdef class RayPool(RaysInFlight):
+    """Holds rays in flight through a grid, and the loops over them.
 
     Parameters
     ----------
     capacity : int
-        Rays at the most. All memory is taken here, and touched as rays come.
+        Rays at the most.
     candidates : int
         Candidates of all rays together, when there are `capacity` rays.
-
-    Attributes
-    ----------
-    active : int
-        Rays in flight: those at the front.
     """
 
-    cdef readonly int64_t active
-    cdef readonly int64_t capacity
-    cdef object memory
-    cdef object records
-    cdef object path_records
-    cdef Ray[::1] rays
-    cdef Path[::1] paths
     cdef uint32_t[::1] order  # which rays, slab by slab
     cdef uint32_t[::1] left   # candidates that each may still take in a pass
     cdef uint64_t[::1] slots
     cdef int64_t used         # of them, in a pass; threads share it
     cdef int64_t ordered      # so many of `order` are as the rays are
+    cdef Grid grid            # where rays retire
 
-    def __cinit__(self, int64_t capacity, int64_t candidates):
-        cdef int64_t words = capacity * RAY_WORDS
-        self.capacity = capacity
-        self.memory = self.slots = np.empty(words + candidates, np.uint64)
-        self.records = self.rays = self.memory[:words].view(RAY)
-        self.path_records = self.paths = np.empty(capacity, PATH)
+    def __init__(self, int64_t capacity, int64_t candidates):
+        super().__init__(capacity, candidates)
         self.order = np.empty(capacity, np.uint32)
         self.left = np.empty(capacity, np.uint32)
 
@@ -123,22 +89,13 @@ cdef class RayPool:
         return self.records[:self.active]
 
     @property
-    def all(self):
-        """Return all of the memory: (capacity,) of records.RAY, and of records.PATH."""
-        return self.records, self.path_records
-
-    @property
     def room(self):
         """Return the memory that active rays leave free for candidates: (n,) uint64."""
-        return self.memory[self.active * RAY_WORDS:]
+        return self.free()
 
     def enter_grid(self):
         """Come into another grid, with no ray yet."""
         self.ordered = 0
-
-    def come(self, int64_t n):
-        """Count `n` rays, admitted behind the active ones, as active."""
-        self.active += n
 
     def admit(self, const Queued[::1] queued, int64_t first, int64_t last, Grid grid,
               Outliers outliers):
@@ -300,48 +257,15 @@ cdef class RayPool:
 
     def retire(self, int64_t first, int64_t last, Grid grid, Film film,
                const double[::1] background, Hit[::1] hits):
-        """Let complete rays of a part go, and close its ranks.
+        """Let complete rays of a part go, as `RaysInFlight.let_go`; threads share the grid."""
+        self.grid = grid
+        return self.let_go(first, last, film, background, hits)
 
-        Parameters
-        ----------
-        first, last : int
-            The part of the rays; those that stay are at its front afterwards.
-        film : Film or None
-            With one, rays that met nothing bring their light, or the background, to it.
-        hits : (last - first or more,) records.HIT
-            OUT: intersections that are to be shaded; without a film all rays, with the nearest hit
-            so far. Shadow rays that have met something end anyway.
-
-        Returns
-        -------
-        kept, n, eye_hits : int
-            Rays that stay; those written; of them eye rays.
-        """
-        cdef int64_t i, kept = first, n = 0, eye_hits = 0
-        cdef bint shaded = film is not None
-        cdef Ray* r
-        with nogil:
-            for i in range(first, last):
-                r = &self.rays[i]
-                if not complete(r, grid):
-                    if kept != i:
-                        self.rays[kept] = r[0]
-                        self.paths[kept] = self.paths[i]
-                    kept += 1
-                elif shaded and r.id == NO_HIT:
-                    finish_miss(r, &self.paths[i], film, &background[0])
-                elif r.kind != SHADOW or r.id == NO_HIT:
-                    finish_hit(r, &self.paths[i], &hits[n])
-                    n += 1
-                    eye_hits += r.kind == EYE
-        return kept - first, n, eye_hits
-
-    def compact(self, int64_t base, const int64_t[::1] firsts, const int64_t[::1] counts):
-        """Move parts of the rays, ascending, together to `base`: behind them none is active."""
-        cdef int64_t i, end = base
-        with nogil:
-            for i in range(firsts.shape[0]):
-                memmove(&self.rays[end], &self.rays[firsts[i]], counts[i] * sizeof(Ray))
-                memmove(&self.paths[end], &self.paths[firsts[i]], counts[i] * sizeof(Path))
-                end += counts[i]
-        self.active = end
+    cdef bint complete(self, const Ray* r) noexcept nogil:
+        cdef Line line
+        if r.voxel == NOWHERE:
+            return True
+        if r.t == INFINITY:
+            return False
+        line = ray_line(r)
+        return r.t < voxel_enter(&self.grid.planes, &line, r.voxel, r.face)

@@ -3,15 +3,15 @@
 cimport cython
 from libc.math cimport INFINITY
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
-from libc.string cimport memmove
 
 from bfrt.geometry.vector cimport Line
 from bfrt.image.film cimport Film
 from bfrt.phases.crossings cimport CrossingBuffer, hand_over
+from bfrt.phases.in_flight cimport RaysInFlight
 from bfrt.phases.nearest cimport ray_bad, ray_line
 from bfrt.phases.pending cimport prefetch_ray
-from bfrt.phases.ray_records cimport LIGHT, finish_hit, finish_miss, take_over
-from bfrt.records cimport EYE, NO_HIT, SHADOW, Hit, Path, Queued, Ray
+from bfrt.phases.ray_records cimport LIGHT, take_over
+from bfrt.records cimport NO_HIT, SHADOW, Hit, Queued, Ray
 from bfrt.scan.given_order cimport GivenOrder, comes_first
 from bfrt.streams.atomic cimport atomic_fetch_add, atomic_load, lock, unlock
 from bfrt.tree.candidates cimport Candidates
@@ -21,12 +21,7 @@ from bfrt.tree.pieces cimport PieceReader
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, entry_of, next_treelets
 from bfrt.tree.walk cimport Piece, Search, aim, walk_treelet
 
-import numpy as np
-
-from bfrt.records import CANDIDATE_BYTES, HIT_BYTES, PATH, RAY, RAY_BYTES
-
-#: A ray's memory, in candidates'.
-RAY_WORDS = RAY_BYTES // CANDIDATE_BYTES
+from bfrt.records import HIT_BYTES
 
 #: Rays that a thread looks at together, and the bytes of those of them that are complete.
 RAYS_AT_ONCE = 2048
@@ -73,8 +68,8 @@ cdef inline void keep(Ray* r, const Search* s) noexcept nogil:
 
 
 @cython.final
-cdef class TreeRays:
-    """Holds the memory of rays in flight, as `RayPool` does, and the loops over them.
+cdef class TreeRays(RaysInFlight):
+    """Holds rays in flight through a forest, and the loops over them.
 
     Where a ray is, its `voxel`, is its sentinel: the first treelet of its next pass.
 
@@ -85,45 +80,20 @@ cdef class TreeRays:
         Rays at the most.
     candidates : int
         Candidates of all rays together, when there are `capacity` rays.
-
-    Attributes
-    ----------
-    active : int
-        Rays in flight: those at the front.
     """
 
-    cdef readonly int64_t active
-    cdef readonly int64_t capacity
     cdef Forest forest
-    cdef object memory
-    cdef object records
-    cdef object path_records
-    cdef Ray[::1] rays
-    cdef Path[::1] paths
     cdef Candidates candidates
 
-    def __cinit__(self, Forest forest not None, int64_t capacity, int64_t candidates):
-        cdef int64_t words = capacity * RAY_WORDS
+    def __init__(self, Forest forest not None, int64_t capacity, int64_t candidates):
+        super().__init__(capacity, Candidates.words(candidates))
         self.forest = forest
-        self.capacity = capacity
-        self.memory = np.empty(words + Candidates.words(candidates), np.uint64)
-        self.records = self.rays = self.memory[:words].view(RAY)
-        self.path_records = self.paths = np.empty(capacity, PATH)
         self.candidates = Candidates(forest.treelets)
-
-    @property
-    def all(self):
-        """Return all of the memory: (capacity,) of records.RAY, and of records.PATH."""
-        return self.records, self.path_records
 
     @property
     def room(self):
         """Return how many candidates there is room for."""
-        return Candidates.room(len(self.memory) - self.active * RAY_WORDS)
-
-    def come(self, int64_t n):
-        """Count `n` rays, admitted behind the active ones, as active."""
-        self.active += n
+        return Candidates.room(len(self.free()))
 
     def admit(self, const Queued[::1] queued, int64_t first, int64_t last):
         """Bring queued rays behind the active ones; return how many are bad, and meet nothing."""
@@ -152,7 +122,7 @@ cdef class TreeRays:
 
     def begin_pass(self):
         """Begin a pass, with no candidate."""
-        self.candidates.begin(self.memory[self.active * RAY_WORDS:])
+        self.candidates.begin(self.free())
 
     def collect(self, int64_t first, int64_t last, int each):
         """Find up to `each` candidates for every ray of a part, and its sentinel.
@@ -195,28 +165,10 @@ cdef class TreeRays:
 
     def retire(self, int64_t first, int64_t last, Film film, const double[::1] background,
                Hit[::1] hits):
-        """Let complete rays of a part go, and close its ranks, as `RayPool.retire` does."""
-        cdef int64_t i, kept = first, n = 0, eye_hits = 0
-        cdef bint shaded = film is not None
-        cdef Ray* r
-        with nogil:
-            for i in range(first, last):
-                r = &self.rays[i]
-                if not self.complete(r):
-                    if kept != i:
-                        self.rays[kept] = r[0]
-                        self.paths[kept] = self.paths[i]
-                    kept += 1
-                elif shaded and r.id == NO_HIT:
-                    finish_miss(r, &self.paths[i], film, &background[0])
-                elif r.kind != SHADOW or r.id == NO_HIT:
-                    finish_hit(r, &self.paths[i], &hits[n])
-                    n += 1
-                    eye_hits += r.kind == EYE
-        return kept - first, n, eye_hits
+        """Let complete rays of a part go, as `RaysInFlight.let_go`."""
+        return self.let_go(first, last, film, background, hits)
 
     cdef bint complete(self, const Ray* r) noexcept nogil:
-        """Tell whether a ray has no sentinel, or a nearer hit: strictly, so that ties are met."""
         cdef Entry sentinel
         cdef Line line
         if r.state == OVER:
@@ -224,16 +176,6 @@ cdef class TreeRays:
         line = ray_line(r)
         entry_of(&self.forest.top, &line, r.voxel, &sentinel)
         return r.t < sentinel.t
-
-    def compact(self, const int64_t[::1] firsts, const int64_t[::1] counts):
-        """Move parts of the rays, ascending, together: behind them none is active."""
-        cdef int64_t i, end = 0
-        with nogil:
-            for i in range(firsts.shape[0]):
-                memmove(&self.rays[end], &self.rays[firsts[i]], counts[i] * sizeof(Ray))
-                memmove(&self.paths[end], &self.paths[firsts[i]], counts[i] * sizeof(Path))
-                end += counts[i]
-        self.active = end
 
 
 # Rays in flight that go down a resident forest.

@@ -91,7 +91,7 @@ def test_rays_in_flight(tmp_path, each):
         kept, gone, _ = rays.retire(0, before, None, np.zeros(3), done)
         assert kept + gone == before
         assert (done["id"][:gone] == NO_HIT).all()
-        rays.compact(np.array([0]), np.array([kept]))
+        rays.compact(0, np.array([0]), np.array([kept]))
         passes += 1
     boxes = np.concatenate([table_of(stream).view(np.float32).reshape(-1, 12)[:, :6]
                             for stream in store.streams])  # fmt: skip
