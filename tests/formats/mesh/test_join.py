@@ -21,6 +21,9 @@ from bfrt.formats.mesh import (
     parts,
 )
 
+#: Bytes that faces of very many corners may take.
+ROOM = 1 << 30
+
 
 @settings(max_examples=150)
 @given(
@@ -44,8 +47,8 @@ def test_on_disk_as_in_memory(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mesh_module, "LOOKUPS_AT_ONCE", lookups)
         patch.setattr(mesh_module, "SPREAD", spread)
-        corners, counts = together(joined_on_disk(mesh, most, scratch))
-    right, sizes = together(joined_in_memory(mesh))
+        corners, counts = together(joined_on_disk(mesh, most, ROOM, scratch))
+    right, sizes = together(joined_in_memory(mesh, ROOM))
     assert corners.dtype == right.dtype
     assert corners.tobytes() == right.tobytes()
     assert right.tobytes() == vertices[[i for face in lists for i in face]].tobytes()
@@ -56,13 +59,13 @@ def test_on_disk_as_in_memory(
 
 def test_nothing_is_read_before_it_is_asked_for(tmp_path):
     mesh = Arrays(VERTICES, FACES)
-    joined_on_disk(mesh, 2, tmp_path)
+    joined_on_disk(mesh, 2, ROOM, tmp_path)
     assert mesh.passes == 0
 
 
 def test_a_join_that_is_left_gives_its_files_back(tmp_path):
     before = open_files()
-    join = joined_on_disk(Arrays(VERTICES, FACES, block=1), 2, tmp_path)
+    join = joined_on_disk(Arrays(VERTICES, FACES, block=1), 2, ROOM, tmp_path)
     next(join)
     if before:
         assert open_files() > before
@@ -99,7 +102,11 @@ def test_indices_out_of_range(tmp_path, most, bad, place):
     mesh = Arrays(VERTICES, lists, block=2)
     before = open_files()
     with pytest.raises(SceneError) as caught:
-        together(joined_in_memory(mesh) if most is None else joined_on_disk(mesh, most, tmp_path))
+        together(
+            joined_in_memory(mesh, ROOM)
+            if most is None
+            else joined_on_disk(mesh, most, ROOM, tmp_path)
+        )
     assert str(caught.value) == f"mesh: face {place}: found vertex {bad}, expected 0 to 5"
     del caught
     assert open_files() == before
@@ -125,7 +132,7 @@ def test_a_mesh_that_changes_is_refused(tmp_path, others, most):
     mesh = Restless(VERTICES, FACES, block=1)
     mesh.others = others
     with pytest.raises(SceneError) as caught:
-        together(joined_on_disk(mesh, most, tmp_path))
+        together(joined_on_disk(mesh, most, ROOM, tmp_path))
     assert str(caught.value) == "mesh: found other faces than before, expected a file at rest"
 
 
@@ -136,7 +143,9 @@ def test_other_vertices_than_were_said(tmp_path, change):
         mesh.arrays = np.resize(mesh.arrays, (6 + change, 3))
         with pytest.raises(SceneError, match=r"mesh: found [0-9]* vertices, expected 6"):
             together(
-                joined_in_memory(mesh) if most is None else joined_on_disk(mesh, most, tmp_path)
+                joined_in_memory(mesh, ROOM)
+                if most is None
+                else joined_on_disk(mesh, most, ROOM, tmp_path)
             )
 
 
