@@ -7,17 +7,26 @@ thread the work stays where it is, and whoever waits for it waits for ever.
 from __future__ import annotations
 
 import _thread
+import atexit
 import os
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
+from weakref import WeakSet
 
 from bfrt.errors import ResourceError
 from bfrt.thread_body import serve
 
 Made = TypeVar("Made")
+
+#: All pools that somebody refers to.
+_POOLS: WeakSet[Pool] = WeakSet()
+
+#: Held here, for modules are emptied when the interpreter ends.
+_ending = sys.is_finalizing
 
 
 class Call(Generic[Made]):
@@ -40,7 +49,7 @@ class Call(Generic[Made]):
 
 
 class Pool:
-    """Runs calls on threads, in the order they come.
+    """Runs calls on threads, in the order they come; they end with the interpreter at the latest.
 
     Parameters
     ----------
@@ -60,6 +69,7 @@ class Pool:
         self._told: SimpleQueue[BaseException | None] = SimpleQueue()
         self._running = 0
         self._process = os.getpid()
+        _POOLS.add(self)
         try:
             for _ in range(threads):
                 given = (name.encode(), self._calls, self._told, _begin)
@@ -79,9 +89,15 @@ class Pool:
             raise
 
     def submit(self, call: Callable[..., Made], *given: Any) -> Future[Made]:
-        """Have a thread call something; return what will tell the result."""
+        """Have a thread call something; return what will tell the result.
+
+        A pool without threads, as one that is closed, calls it at once.
+        """
         made = Call(call, given)
-        self._calls.put(made)
+        if self._running:
+            self._calls.put(made)
+        else:
+            made()
         return made.future
 
     def cancel(self) -> None:
@@ -97,7 +113,8 @@ class Pool:
     def close(self) -> None:
         """End the threads, when they have done all calls. May be repeated."""
         running, self._running = self._running, 0
-        if os.getpid() != self._process:  # a child of it has no threads
+        # A child of the process has no threads; where the interpreter ends none runs any more.
+        if os.getpid() != self._process or _ending():
             return
         for _ in range(running):
             self._calls.put(None)
@@ -113,6 +130,15 @@ class Pool:
     def __del__(self) -> None:
         for _ in range(getattr(self, "_running", 0)):
             self._calls.put(None)
+
+
+def _close_all() -> None:
+    """End all threads while they can still run."""
+    for pool in list(_POOLS):
+        pool.close()
+
+
+atexit.register(_close_all)
 
 
 class Threads:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import _thread
+import subprocess
+import sys
 import threading
 import time
 
 import pytest
 from running import thread_names
 
+import bfrt
 from bfrt import threads as module
 from bfrt.errors import ResourceError
 from bfrt.threads import Pool, Threads
@@ -101,3 +104,29 @@ def test_a_pool_that_nobody_has_any_more_ends():
     told = pool._told
     del pool
     assert [told.get(timeout=60) for _ in range(2)] == [None, None]
+
+
+KEPT = """
+import gc, sys
+import numpy as np
+import bfrt
+
+class Cycle:
+    pass
+
+gc.disable()
+cycle = Cycle()
+cycle.scene = bfrt.open(sys.argv[1])
+cycle.itself = cycle
+cycle.scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), threads=3, refine=sys.argv[2])
+cycle.file = bfrt.SceneWriter(sys.argv[3])
+"""
+
+
+@pytest.mark.parametrize("refine", ["sgb", "tree"])
+def test_an_open_scene_does_not_keep_the_interpreter_from_its_end(tmp_path, refine):
+    store = bfrt.spd.rings(3).write(tmp_path / "a.bfrt", order="spatial").path
+    command = [sys.executable, "-c", KEPT, str(store), refine, str(tmp_path / "b.bfrt")]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.bfrt"]

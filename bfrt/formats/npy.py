@@ -80,7 +80,10 @@ class NpyArray:
                 read = np.lib.format.read_array_header_1_0
             elif version not in ((2, 0), (3, 0)):
                 raise ValueError(f"version {version}")
-            shape, fortran, dtype = read(file, max_header_size=HEADER_BYTES)
+            try:
+                shape, fortran, dtype = read(file, max_header_size=HEADER_BYTES)
+            except MemoryError as error:  # what Python says of text that is nested too deeply
+                raise ValueError(f"a header of {HEADER_BYTES} bytes or fewer, too deep") from error
             if version == (3, 0) and dtype.names:  # which is 2.0 with names of UTF-8
                 dtype.names = tuple(name.encode("latin1").decode() for name in dtype.names)
         whole = all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in shape)
