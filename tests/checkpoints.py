@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,11 @@ from bfrt.tracer import Tracer
 
 VIEW = Camera((0.3, -7.0, 1.5), (0.0, 0.0, 0.0), resolution=(24, 19))
 AOVS = ("position", "albedo")
+
+
+def mostly_slow(forms: Iterable[Any], quick: Collection[Any]) -> list[Any]:
+    """Return parameters, of which all but the quick ones are slow."""
+    return [form if form in quick else pytest.param(form, marks=pytest.mark.slow) for form in forms]
 
 
 class Killed(Exception):

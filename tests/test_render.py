@@ -251,7 +251,10 @@ def test_the_budget_is_kept_in_a_memory_cgroup(rings, tmp_path):
 
 
 @pytest.mark.parametrize("aovs", [(), AOVS], ids=["as always", "every channel"])
-@pytest.mark.parametrize(("memory", "side"), [("100MiB", 512), ("160MiB", 512), ("288MiB", 1400)])
+@pytest.mark.parametrize(
+    ("memory", "side"),
+    [("100MiB", 512), ("160MiB", 512), pytest.param("288MiB", 1400, marks=pytest.mark.slow)],
+)
 def test_the_peak_is_below_the_budget(rings, tmp_path, memory, side, aovs):
     size = ["--resolution", str(side), str(side)]
     if aovs:

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 import pytest
-from checkpoints import scene_of
+from checkpoints import mostly_slow, scene_of
 
 import bfrt
 
@@ -96,7 +96,7 @@ def kills(stores, what, folder, count, rng):
 WORK = ("render sgb", "render tree", "query sgb")
 
 
-@pytest.mark.parametrize("what", WORK)
+@pytest.mark.parametrize("what", mostly_slow(WORK, ["render tree", "query sgb"]))
 def test_three_kills(stores, tmp_path, what):
     kills(stores, what, tmp_path / "work", 3, np.random.default_rng(len(what)))
 

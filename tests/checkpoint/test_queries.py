@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from checkpoints import Killed, Stop, scene_of, spied, tight
+from checkpoints import Killed, Stop, mostly_slow, scene_of, spied, tight
 from scenes import units
 
 from bfrt.errors import SettingError
@@ -81,8 +81,8 @@ def test_a_kill_after_every_pass(scenes, rays, expected, tmp_path, form, query):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize("query", QUERIES)
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("query", mostly_slow(QUERIES, ["cast_rays", "list_intersections"]))
+@pytest.mark.parametrize("form", mostly_slow(FORMS, ["sgb", "streamed", "resident"]))
 def test_other_memory_and_threads(scenes, rays, expected, tmp_path, form, query, monkeypatch):
     """Where rays in flight begin again, what they had crossed is not counted twice."""
     refine, scene, other, name = ways(form, scenes)

@@ -7,7 +7,17 @@ import logging
 from dataclasses import replace
 
 import pytest
-from checkpoints import AOVS, VIEW, Killed, Stop, same_picture, scene_of, spied, tight
+from checkpoints import (
+    AOVS,
+    VIEW,
+    Killed,
+    Stop,
+    mostly_slow,
+    same_picture,
+    scene_of,
+    spied,
+    tight,
+)  # fmt: skip
 
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.state import SavedState
@@ -26,6 +36,10 @@ FORMS = {
     "streamed, bands": ("tree", tight(resident=False, rows=10)),
     "resident": ("tree", tight(resident=True)),
 }
+
+
+#: Those that are run each time where a test takes long.
+QUICK = ("sgb, bands", "streamed", "resident")
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +61,7 @@ def opened(scenes, form):
     return divided(scenes[name]), refine, name
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", mostly_slow(FORMS, QUICK))
 def test_a_kill_after_every_pass(scenes, expected, tmp_path, form):
     """Each run goes on for one pass, and is killed."""
     scene, refine, name = opened(scenes, form)
@@ -96,7 +110,7 @@ def test_a_kill_after_every_save(scenes, expected, tmp_path, form, monkeypatch):
     same_picture(image, expected[name])
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", mostly_slow(FORMS, QUICK))
 def test_other_memory_and_threads(scenes, expected, tmp_path, form, monkeypatch):
     scene, refine, name = opened(scenes, form)
     rows = 10 if "bands" in form else 19
