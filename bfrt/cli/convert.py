@@ -17,7 +17,7 @@ from bfrt.cli.options import (
 from bfrt.conversion.convert import convert
 from bfrt.conversion.sources import READERS
 from bfrt.scene import PathLike, Scene
-from bfrt.store.group import Order
+from bfrt.store.making import Order
 from bfrt.store.hierarchy import Hierarchy
 
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any, get_args
 
-from bfrt.store.group import Order
+from bfrt.store.making import Order
 from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
 
 #: Settings of a conversion, which files use and stores have no use for.

@@ -28,7 +28,7 @@ from bfrt.progress import DoneReport, check_report, staged
 from bfrt.refusals import in_memory
 from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
-from bfrt.store.group import Order, checked_order
+from bfrt.store.making import Order, checked_order
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.workers import usable_threads
 

@@ -122,6 +122,11 @@ def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
     return nodes + count * (BOX_BYTES + OFFSET_BYTES) + 8 + records * layout.stride
 
 
+def ordered_folder(folder: Path) -> Path:
+    """Return where the files of a stream's folder are brought into order."""
+    return folder.with_name(f"{folder.name}.ordered")
+
+
 def replace_folder(folder: Path, other: Path) -> None:
     """Put another folder in the place of one."""
     with calling(folder, "replacing"):

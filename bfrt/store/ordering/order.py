@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bfrt.progress import Passes
 from bfrt.store.extent import Bounds
-from bfrt.store.ordering.files import OrderedFiles, replace_folder
+from bfrt.store.ordering.files import OrderedFiles, ordered_folder
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Objects
 from bfrt.store.ordering.parts import WINDOW, Means, Source, as_they_come, by_place
@@ -57,7 +57,7 @@ class Ordering:
         self._passes = passes
         self._source = Source(given.layout, self._blocks, around)
         check_free(given.folder, room_beside([given.room(local)]), "ordering with")
-        folder = given.folder.with_name(f"{given.folder.name}.ordered")
+        folder = ordered_folder(given.folder)
         self._files = OrderedFiles(folder, given.layout, given.objects, durable)
         self.folder = folder
 
@@ -97,10 +97,8 @@ class Ordering:
         self.places[at] = first + those
 
     def close(self) -> dict[str, Any]:
-        """Complete the files, in place of the given ones; return what the header says of them."""
-        header = self._files.close()
-        replace_folder(self._given.folder, self.folder)
-        return header
+        """Complete the files, beside the given ones; return what the header says of them."""
+        return self._files.close()
 
     def abandon(self) -> None:
         """Give the files up."""
