@@ -17,8 +17,8 @@ from bfrt.cli.options import (
 from bfrt.conversion.convert import convert
 from bfrt.conversion.sources import READERS
 from bfrt.scene import PathLike, Scene
-from bfrt.store.making import Order
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.making import Order
 
 
 def add_convert(commands: Any) -> None:

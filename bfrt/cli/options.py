@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any, get_args
 
-from bfrt.store.making import Order
 from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
+from bfrt.store.making import Order
 
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (

@@ -15,6 +15,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from bfrt.errors import SettingError
 from bfrt.paths import without_links
 from bfrt.refusals import calling, refused
 from bfrt.streams.atomic_write import sync_folder
@@ -80,7 +81,16 @@ class AtomicFolder:
         with calling(self.target, "creating"):
             self.target.parent.mkdir(parents=True, exist_ok=True)
             sweep(self.target.parent)
-            self._own = create_folder(self.target) if self._kept is None else _taken(self._kept)
+            if self._kept is None:
+                self._own = create_folder(self.target)
+                return
+            self._own = _taken(self._kept)
+            place, found = self.target.parent, self._kept.stat().st_dev
+            if found != place.stat().st_dev:
+                raise SettingError(
+                    f"{self._kept.parent}: found another file system than that of {place}, "
+                    "expected the same: the store gets its name by a rename"
+                )
 
     def sync(self) -> None:
         """Make the entries of all its folders durable, where that is wanted."""
@@ -153,9 +163,9 @@ class AtomicFolder:
         """Remove what was written aside; where none has the name, both halves are kept for it."""
         if self._own is None:
             return
-        if self._kept is not None:
-            self._own.release()
-        elif os.path.lexists(self.old) and not os.path.lexists(self.target):
+        if self._kept is not None or (
+            os.path.lexists(self.old) and not os.path.lexists(self.target)
+        ):
             self._own.release()
         else:
             remove_folder(self.old)

@@ -31,7 +31,8 @@ from bfrt.store.making import Making, Order, checked_order
 from bfrt.store.model import Material, Vector
 from bfrt.store.palette import PaletteWriter, SavedPalette, record_of
 from bfrt.store.store import PALETTE, bounds_to
-from bfrt.store.written import WrittenGroup
+from bfrt.store.written import WrittenGroup, settle
+from bfrt.streams.atomic_write import sync_folder
 
 #: Groups of a store: their streams have numbers of 16 bits.
 MOST_GROUPS = 1 << STREAM_BITS - KIND_BITS
@@ -322,9 +323,16 @@ class RecordWriter:
                 self._groups[number] = group.close(self._coordinates.origin)
 
     def saved(self) -> SavedRecords:
-        """Return what brings a writer back to here; all groups so far are complete."""
+        """Return what brings a writer back to here, when all groups so far are complete.
+
+        All files are on the disk then.
+        """
+        palette = self._palette.saved()
+        for group in self._written:
+            group.sync()
+        sync_folder(self._folder.aside)
         groups = [group.facts for group in self._written]
-        return SavedRecords(self._coordinates.decided, self._palette.saved(), groups)
+        return SavedRecords(self._coordinates.decided, palette, groups)
 
     @property
     def _written(self) -> list[WrittenGroup]:
@@ -336,24 +344,24 @@ class RecordWriter:
         """Return what levels and order have taken."""
         return sum(group.hierarchy_seconds for group in self._written)
 
-    def _may_settle(self) -> bool:
-        """Tell whether files as given may go, of which a stream in its last form was made."""
+    def _may_settle(self, *, last: bool) -> bool:
+        """Tell whether files as given may go, now that there are those in order."""
         return True
 
     def _make_all(self, progress: DoneReport | None) -> None:
         """Bring all streams into their last form."""
         groups, origin = self._written, self._coordinates.origin
+        waiting: list[WrittenGroup] = []
         unordered = sum(group.unordered for group in groups)
         passes = Passes(staged(progress, "ordering", unordered) if unordered else None)
         for group in groups:
             for stream in group.unmade:
                 group.make(stream, origin, passes)
-                if self._may_settle():
-                    self._settle()
-
-    def _settle(self) -> None:
-        for group in self._written:
-            group.settle()
+                waiting.append(group)
+                if self._may_settle(last=False):
+                    settle(waiting)
+        if waiting and self._may_settle(last=True):
+            settle(waiting)
 
     def _close(self, progress: DoneReport | None) -> dict[str, Any]:
         """Complete all files of groups and palette; return what the header says of them."""

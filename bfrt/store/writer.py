@@ -23,9 +23,9 @@ from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of
-from bfrt.store.making import Order
 from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.making import Order
 from bfrt.store.record_writer import RecordWriter
 from bfrt.store.store import MADE, VERSION, Store, has_magic, open_store
 from bfrt.store.view_writer import ViewWriter

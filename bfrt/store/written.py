@@ -7,6 +7,7 @@ off goes on at the first stream that is not in its last form.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -33,6 +34,7 @@ from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.order import Ordering
 from bfrt.store.store import bounds_from
+from bfrt.streams.atomic_write import sync_folder
 from bfrt.workers import ahead, usable_threads
 
 
@@ -126,6 +128,7 @@ class WrittenGroup:
         self._making = making
         self._facts = facts
         self._replacing: list[WrittenStream] = []
+        self._synced = False
 
     @classmethod
     def restored(
@@ -185,6 +188,7 @@ class WrittenGroup:
         which lie beside the given ones until `settle`.
         """
         start = time.perf_counter()
+        self._synced = False
         if self._is_ordered(stream):
             self._order(stream, origin, passes)
         else:
@@ -223,6 +227,13 @@ class WrittenGroup:
         self._facts["outliers"] = sorted([*others, *places])
         self._replacing.append(stream)
 
+    def sync(self) -> None:
+        """Make the entries of the group's folders durable, unless they are."""
+        if self._making.durable and not self._synced:
+            for folder, _, _ in os.walk(self._folder):
+                sync_folder(Path(folder))
+        self._synced = True
+
     def settle(self) -> None:
         """Put the files that are in order into the place of the given ones."""
         for stream in self._replacing:
@@ -238,6 +249,13 @@ class WrittenGroup:
         }
 
 
+def settle(groups: list[WrittenGroup]) -> None:
+    """Put files that are in order into the place of the given ones, and forget the groups."""
+    for group in groups:
+        group.settle()
+    groups.clear()
+
+
 def hierarchy_over(folder: Path, kind: Kind, making: Making, surface: float) -> HierarchyWriter:
     """Return the writer of a stream's hierarchy, in the order given.
 
@@ -245,9 +263,7 @@ def hierarchy_over(folder: Path, kind: Kind, making: Making, surface: float) -> 
     """
     settings = making.hierarchy
     quantised = settings.bits > 0 and kind.boxed
-    return HierarchyWriter(
-        folder, settings, surface, durable=making.durable, quantised=quantised
-    )
+    return HierarchyWriter(folder, settings, surface, durable=making.durable, quantised=quantised)
 
 
 def file_boxes(path: Path) -> Iterator[NDArray[np.float32]]:

@@ -149,7 +149,9 @@ class FileWriter:
             os.fsync(self._fd)
 
     def sync(self) -> None:
-        """Have all that was written so far on the disk, and go on."""
+        """Have all that was written so far on the disk, and go on; a closed file is there."""
+        if self._fd < 0:
+            return
         self._flush()
         self._wait()
         self._sync()

@@ -1,0 +1,109 @@
+"""The files of a store that is kept while it is made: held to a state, or removed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from bfrt.checkpoint.state import Facts, SavedState, check_file
+from bfrt.errors import CheckpointError
+from bfrt.paths import HEADER, is_folder
+from bfrt.records import Kind
+from bfrt.refusals import calling, refused
+from bfrt.store.ordering.files import ordered_folder, replace_folder
+from bfrt.store.store import MADE, PALETTE
+from bfrt.streams.removal import remove_folder
+
+
+def hold_to_state(folder: Path, state: SavedState, *, whole: bool) -> None:
+    """Have a folder hold what a state says and nothing else; compare all of it with its checksums.
+
+    Parameters
+    ----------
+    folder : Path
+        The store's.
+    state : SavedState
+    whole : bool
+        Whether the store has its header already.
+
+    Raises
+    ------
+    CheckpointError
+        If a file is missing, or differs from what was written.
+    StreamError
+        If the system refuses.
+    """
+    if folder.is_symlink() or not is_folder(folder):
+        raise CheckpointError(f"{folder}: found no folder, expected the store that is made")
+    groups = state.facts["groups"]
+    for number, group in enumerate(groups):
+        for stream in group["streams"]:
+            settle_ordered(place_of(folder, number, stream["header"]), stream)
+    files = dict(files_of(folder, groups))
+    own = [folder / PALETTE, *([folder / HEADER, folder / MADE] if whole else [])]
+    folders = {folder, *(path.parent for path in files)}
+    folders |= {folder / str(number) for number in range(len(groups))}
+    remove_others(folder, {*files, *own}, folders)
+    cut(folder / PALETTE, state.facts["palette"])
+    for path, facts in (*files.items(), (folder / PALETTE, state.facts["palette"])):
+        check_file(path, facts)
+
+
+def place_of(folder: Path, number: int, header: Facts) -> Path:
+    """Return the folder of a stream."""
+    return folder / str(number) / Kind(header["kind"]).label
+
+
+def files_of(folder: Path, groups: list[Facts]) -> Iterator[tuple[Path, Facts]]:
+    """Yield the files of all streams, with their length and checksum."""
+    for number, group in enumerate(groups):
+        for stream in group["streams"]:
+            place = place_of(folder, number, stream["header"])
+            for name, facts in stream["header"]["files"].items():
+                yield place / name, facts
+
+
+def settle_ordered(place: Path, stream: Facts) -> None:
+    """Put a stream that is in order into its place, if that was still to be done."""
+    other = ordered_folder(place)
+    if stream["made"] and stream["header"]["id_bytes"] and is_folder(other):
+        replace_folder(place, other)
+
+
+def remove_others(folder: Path, files: set[Path], folders: set[Path]) -> None:
+    """Remove what is in a folder, but for some files and folders."""
+
+    def refuse(error: OSError) -> None:
+        raise refused(folder, 0, error, "reading") from error
+
+    for place, below, names in os.walk(folder, onerror=refuse):
+        links = [name for name in below if (Path(place) / name).is_symlink()]
+        for name in set(below) - set(links):
+            if Path(place) / name not in folders:
+                removed(Path(place) / name)
+                below.remove(name)
+        for path in [Path(place) / name for name in (*names, *links)]:
+            if path not in files:
+                with calling(path, "removing"):
+                    path.unlink()
+
+
+def removed(folder: Path) -> None:
+    """Remove a folder, which need not be there, with all that is in it.
+
+    Raises
+    ------
+    StreamError
+        If the system refuses.
+    """
+    refusal = remove_folder(folder)
+    if refusal is not None:
+        raise refused(folder, 0, refusal, "removing") from refusal
+
+
+def cut(path: Path, facts: Facts) -> None:
+    """Cut off what a file has got since it was as long as facts say."""
+    with calling(path, "cutting", facts["bytes"]):
+        if path.is_file() and path.stat().st_size > facts["bytes"]:
+            os.truncate(path, facts["bytes"])
