@@ -26,7 +26,7 @@ from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
-from bfrt.paths import facts_at, path_of, without_links
+from bfrt.paths import check_apart, facts_at, path_of, without_links
 from bfrt.progress import DoneReport, check_report, staged
 from bfrt.refusals import in_memory
 from bfrt.scene import PathLike, Scene, SceneWriter
@@ -259,6 +259,8 @@ def convert(
             scene = write_scene(conversion, progress)
         else:
             check_can_be_kept(conversion.files)
+            if not isinstance(checkpoint, Checkpoint):
+                check_apart(target, checkpoint)
             with keeping(checkpoint, every, each=0.0) as kept:
                 assert kept is not None
                 scene = go_on(conversion, kept, progress)

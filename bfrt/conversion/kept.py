@@ -218,8 +218,15 @@ class KeptConversion:
         self._writer = KeptWriter(writing, self._folder, saved, self._save)
         if found is not None:
             restore_view(self._writer, found.facts["view"])
-            self._checkpoint.went_on(f"{self.done} of {len(self._sources)} sources are complete")
+            self._checkpoint.went_on(self._where(found.facts["groups"]))
         return self._writer
+
+    def _where(self, groups: list[Facts]) -> str:
+        """Return in words how far the work is."""
+        streams = [stream for group in groups for stream in group["streams"]]
+        made = sum(stream["made"] for stream in streams)
+        made_too = f", {made} of {len(streams)} streams are in order" if made else ""
+        return f"{self.done} of {len(self._sources)} sources are complete{made_too}"
 
     def begin(self) -> None:
         """Note what the next source is like before it is read."""

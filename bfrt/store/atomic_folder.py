@@ -163,9 +163,8 @@ class AtomicFolder:
         """Remove what was written aside; where none has the name, both halves are kept for it."""
         if self._own is None:
             return
-        if self._kept is not None or (
-            os.path.lexists(self.old) and not os.path.lexists(self.target)
-        ):
+        halves = os.path.lexists(self.old) and not os.path.lexists(self.target)
+        if halves or self._kept is not None:
             self._own.release()
         else:
             remove_folder(self.old)
