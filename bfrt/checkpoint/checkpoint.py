@@ -24,6 +24,7 @@ from bfrt.paths import check_folder
 from bfrt.refusals import refused
 from bfrt.store.header import Check
 from bfrt.streams.atomic_write import sync_folder
+from bfrt.streams.removal import remove_file
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +34,9 @@ EVERY = 60.0
 #: Names of generations; while one is written, with `PART` behind.
 GENERATION = re.compile(r"state\.([0-9]{1,18})(\.part)?")
 PART = ".part"
+
+#: What files of marks that are made begin with (`bfrt.grid.marks_log`).
+MARKS = "bfrt-marks"
 
 #: What the system says where folders cannot be locked: some network file systems.
 UNLOCKED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
@@ -238,6 +242,9 @@ class Checkpoint:
     def remove(self) -> None:
         """Remove the state: the work is finished."""
         self._remove(lambda number, part: True)
+        for name in self._names():
+            if name.startswith(f"{MARKS}."):
+                remove_file(self.folder / name)
 
     def _path(self, number: int) -> Path:
         return self.folder / f"state.{number}"

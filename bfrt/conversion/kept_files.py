@@ -79,10 +79,10 @@ def remove_others(folder: Path, files: set[Path], folders: set[Path]) -> None:
 
     for place, below, names in os.walk(folder, onerror=refuse):
         links = [name for name in below if (Path(place) / name).is_symlink()]
-        for name in set(below) - set(links):
-            if Path(place) / name not in folders:
-                removed(Path(place) / name)
-                below.remove(name)
+        others = [name for name in below if Path(place) / name not in folders]
+        for name in set(others) - set(links):
+            removed(Path(place) / name)
+        below[:] = set(below) - set(links) - set(others)
         for path in [Path(place) / name for name in (*names, *links)]:
             if path not in files:
                 with calling(path, "removing"):
