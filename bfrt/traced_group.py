@@ -109,7 +109,12 @@ class TracedGroup:
         marks = None if fresh else open_marks(self._marks_path, self._store, self._layout)
         self.marks_reused = marks is not None
         if marks is None:
-            marks = self._make(subspace, counters, log)
+            try:
+                marks = self._make(subspace, counters, log)
+            except BaseException:
+                if log is not None:
+                    log.close()
+                raise
         if log is not None:
             log.remove()
         self.facts = {

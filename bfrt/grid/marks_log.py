@@ -14,6 +14,7 @@ one are there.
 from __future__ import annotations
 
 import io
+import logging
 import math
 import os
 import struct
@@ -31,6 +32,9 @@ from bfrt.grid.marks_layout import Layout
 from bfrt.refusals import calling, give_up
 from bfrt.streams.atomic_write import put
 from bfrt.streams.removal import remove_file
+
+#: Of checkpoints, so that whoever hears where work goes on hears it of marks too.
+log = logging.getLogger("bfrt.checkpoint.marks")
 
 MAGIC = b"bfrtmlog"
 LOG_VERSION = 1
@@ -119,6 +123,9 @@ class MarksLog:
             index.seek(0, os.SEEK_END)
         if not found:
             put(index, head, self._paths[1])
+        else:
+            told = "%s: goes on where it was left: marks, %d of %d layers are complete"
+            log.info(told, self._paths[0].parent, len(found), layout.bricks[0])
         return found
 
     def _found(self, head: bytes, layout: Layout) -> Iterator[LoggedLayer]:
