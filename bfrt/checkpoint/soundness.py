@@ -62,6 +62,13 @@ def moment(value: Any) -> int:
     return value
 
 
+def place(value: Any) -> int:
+    """Check an object's place in the order, or -1 where it has none so far."""
+    if type(value) is not int or not -1 <= value < MANY:
+        raise ValueError(f"found {value!r:.60}, expected a place")
+    return value
+
+
 def files(value: Any) -> dict[str, Any]:
     """Check what a header says of files, whose names are in the folder."""
     found: dict[str, Any] = named(FACTS)(value)
@@ -118,7 +125,24 @@ RAYS_FACTS = fields(taken=whole(MANY), bad=whole(MANY), checksums=listed(whole(1
 QUERY_FACTS = fields(rays=RAYS_FACTS, tracer=TRACER_FACTS, done=whole(MANY), stats=STATS_FACTS)
 
 #: What is known of a group of a store that is made, and of each of its streams.
-STREAM_FACTS = fields(header=stream, local=truth, made=truth)
+COLUMN_FACTS = fields(
+    count=whole(MANY),
+    first=whole(1 << 32),
+    width=whole(5),
+    bytes=whole(MANY),
+    crc32=whole(1 << 32),
+)
+ORDERED_FACTS = fields(
+    done=whole(MANY),
+    vertices=whole(MANY),
+    treelets=whole(MANY),
+    nodes=whole(MANY),
+    treelet_bytes=whole(MANY),
+    files=files,
+    materials=COLUMN_FACTS,
+)
+ORDERING_FACTS = fields(places=listed(place), files=ORDERED_FACTS)
+STREAM_FACTS = fields(header=stream, local=truth, made=truth, ordering=optional(ORDERING_FACTS))
 GROUP_FACTS = fields(
     streams=listed(STREAM_FACTS),
     bounds=optional(bounds),

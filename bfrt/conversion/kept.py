@@ -105,7 +105,7 @@ class KeptWriter(SceneWriter):
         ViewWriter.__init__(self)
         RecordWriter.__init__(self, place, coordinates, writing.hierarchy, writing.order, saved)
 
-    def _may_settle(self, *, last: bool) -> bool:
+    def _may_settle(self, last: bool) -> bool:
         return self._save(last)
 
     def _is_whole(self) -> None:

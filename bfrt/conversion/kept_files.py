@@ -6,12 +6,15 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from bfrt.checkpoint.soundness import expect
+from bfrt.checkpoint.state import HEADER as STATE
 from bfrt.checkpoint.state import Facts, SavedState, check_file
 from bfrt.errors import CheckpointError
+from bfrt.ids import stream_number, stream_of
 from bfrt.paths import HEADER, is_folder
 from bfrt.records import Kind
 from bfrt.refusals import calling, refused
-from bfrt.store.ordering.files import ordered_folder, replace_folder
+from bfrt.store.ordering.files import ordered_folder, ordered_names, replace_folder
 from bfrt.store.store import MADE, PALETTE
 from bfrt.streams.removal import remove_folder
 
@@ -39,13 +42,20 @@ def hold_to_state(folder: Path, state: SavedState, *, whole: bool) -> None:
     groups = state.facts["groups"]
     for number, group in enumerate(groups):
         for stream in group["streams"]:
-            settle_ordered(place_of(folder, number, stream["header"]), stream)
+            place = place_of(folder, number, stream["header"])
+            check_ordering(state, stream, number, group["outliers"])
+            settle_ordered(place, stream)
+            if not all(path.is_file() for path, _ in under_way(place, stream)):
+                stream["ordering"] = None  # its materials have become wider since
     files = dict(files_of(folder, groups))
     own = [folder / PALETTE, *([folder / HEADER, folder / MADE] if whole else [])]
     folders = {folder, *(path.parent for path in files)}
     folders |= {folder / str(number) for number in range(len(groups))}
     remove_others(folder, {*files, *own}, folders)
     cut(folder / PALETTE, state.facts["palette"])
+    for path, facts in files.items():
+        if path.parent.name.endswith(".ordered"):
+            cut(path, facts)
     for path, facts in (*files.items(), (folder / PALETTE, state.facts["palette"])):
         check_file(path, facts)
 
@@ -62,6 +72,33 @@ def files_of(folder: Path, groups: list[Facts]) -> Iterator[tuple[Path, Facts]]:
             place = place_of(folder, number, stream["header"])
             for name, facts in stream["header"]["files"].items():
                 yield place / name, facts
+            yield from under_way(place, stream)
+
+
+def check_ordering(state: SavedState, stream: Facts, number: int, outliers: list[int]) -> None:
+    """Refuse a stream on the way into order that has other files than it should, or places."""
+    if stream["ordering"] is None:
+        return
+    ordering, path = stream["ordering"], state.folder / STATE
+    kind = Kind(stream["header"]["kind"])
+    names, places = sorted(ordering["files"]["files"]), len(ordering["places"])
+    own = sum(stream_of(id) == stream_number(number, kind) for id in outliers)
+    done, width = ordering["files"]["done"], ordering["files"]["materials"]["width"]
+    expect(path, "files", names, right=names == sorted(ordered_names(kind)))
+    expect(path, "places", places, right=places == own)
+    expect(path, "done", done, right=done <= stream["header"]["count"])
+    expect(path, "width", width, right=width in (0, 1, 2, 4))
+
+
+def under_way(place: Path, stream: Facts) -> Iterator[tuple[Path, Facts]]:
+    """Yield the files of a stream that is on the way into order, as `files_of` does."""
+    if stream["ordering"] is not None:
+        files, folder = stream["ordering"]["files"], ordered_folder(place)
+        column = files["materials"]
+        for name, facts in files["files"].items():
+            yield folder / name, facts
+        if column["width"]:
+            yield folder / f"materials.{column['width']}", column
 
 
 def settle_ordered(place: Path, stream: Facts) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SettingError
-from bfrt.progress import DoneReport, Passes, staged
+from bfrt.progress import DoneReport
 from bfrt.records import KIND_BITS, STREAM_BITS, Kind
 from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
@@ -31,7 +31,7 @@ from bfrt.store.making import Making, Order, checked_order
 from bfrt.store.model import Material, Vector
 from bfrt.store.palette import PaletteWriter, SavedPalette, record_of
 from bfrt.store.store import PALETTE, bounds_to
-from bfrt.store.written import WrittenGroup, settle
+from bfrt.store.written import WrittenGroup, make_all
 from bfrt.streams.atomic_write import sync_folder
 
 #: Groups of a store: their streams have numbers of 16 bits.
@@ -344,24 +344,9 @@ class RecordWriter:
         """Return what levels and order have taken."""
         return sum(group.hierarchy_seconds for group in self._written)
 
-    def _may_settle(self, *, last: bool) -> bool:
+    def _may_settle(self, last: bool) -> bool:
         """Tell whether files as given may go, now that there are those in order."""
         return True
-
-    def _make_all(self, progress: DoneReport | None) -> None:
-        """Bring all streams into their last form."""
-        groups, origin = self._written, self._coordinates.origin
-        waiting: list[WrittenGroup] = []
-        unordered = sum(group.unordered for group in groups)
-        passes = Passes(staged(progress, "ordering", unordered) if unordered else None)
-        for group in groups:
-            for stream in group.unmade:
-                group.make(stream, origin, passes)
-                waiting.append(group)
-                if self._may_settle(last=False):
-                    settle(waiting)
-        if waiting and self._may_settle(last=True):
-            settle(waiting)
 
     def _close(self, progress: DoneReport | None) -> dict[str, Any]:
         """Complete all files of groups and palette; return what the header says of them."""
@@ -369,7 +354,7 @@ class RecordWriter:
         for number in range(len(self._groups)):
             self.complete_group(number)
         self._palette.forget()
-        self._make_all(progress)
+        make_all(self._written, origin, progress, self._may_settle)
         groups = [group.header() for group in self._written]
         palette = self._palette.close()
         bounds = functools.reduce(Bounds.union, [group.bounds for group in self._written])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.ids import index_of, object_id, stream_number, stream_of
-from bfrt.progress import Passes
+from bfrt.progress import DoneReport, Passes, staged
 from bfrt.records import BOX_BYTES, SCALARS, Kind
 from bfrt.refusals import refused
 from bfrt.store.columns import prepare
@@ -32,7 +32,7 @@ from bfrt.store.model import Vector
 from bfrt.store.ordering.files import ordered_folder, replace_folder
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Layout, id_bytes_of
-from bfrt.store.ordering.order import Ordering
+from bfrt.store.ordering.order import Keeping, Ordering
 from bfrt.store.store import bounds_from
 from bfrt.streams.atomic_write import sync_folder
 from bfrt.workers import ahead, usable_threads
@@ -51,19 +51,34 @@ class WrittenStream:
         Whether objects that follow each other are near each other as they are.
     made : bool
         Whether it is in its last form: with levels, and in order.
+    ordering : dict, optional
+        What `Ordering.saved` has returned, if it is on the way into order.
     begun : HierarchyWriter, optional
         What has made the first level as the objects came.
     """
 
     def __init__(
         self, folder: Path, header: dict[str, Any], *, local: bool, made: bool = False,
-        begun: HierarchyWriter | None = None,
+        begun: HierarchyWriter | None = None, ordering: dict[str, Any] | None = None,
     ) -> None:  # fmt: skip
         self.folder = folder
         self.header = header
         self.local = local
         self.made = made
         self.begun = begun
+        self.ordering = ordering
+        self.under_way: Ordering | None = None
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Return all that is known of the stream, for JSON; windows in order are on the disk."""
+        ordering = self.ordering if self.under_way is None else self.under_way.saved()
+        return {
+            "header": self.header,
+            "local": self.local,
+            "made": self.made,
+            "ordering": ordering,
+        }
 
     @property
     def kind(self) -> Kind:
@@ -139,7 +154,7 @@ class WrittenGroup:
         streams = [
             WrittenStream(
                 folder / Kind(each["header"]["kind"]).label, each["header"], local=each["local"],
-                made=each["made"],
+                made=each["made"], ordering=each["ordering"],
             )
             for each in facts.pop("streams")
         ]  # fmt: skip
@@ -148,8 +163,7 @@ class WrittenGroup:
     @property
     def facts(self) -> dict[str, Any]:
         """Return all that is known of the group, for JSON."""
-        streams = [{"header": s.header, "local": s.local, "made": s.made} for s in self.streams]
-        return {**self._facts, "streams": streams}
+        return {**self._facts, "streams": [stream.facts for stream in self.streams]}
 
     @property
     def bounds(self) -> Bounds:
@@ -179,10 +193,13 @@ class WrittenGroup:
         for stream in self.streams:
             if stream.begun is not None:
                 self._facts["seconds"] += sum(level.seconds for level in stream.begun.levels)
-                self.make(stream, origin, Passes())
+                self.make(stream, origin, Passes(), lambda: None)
 
-    def make(self, stream: WrittenStream, origin: Vector, passes: Passes) -> None:
-        """Bring a stream into its last form.
+    def make(
+        self, stream: WrittenStream, origin: Vector, passes: Passes,
+        between: Callable[[], object],
+    ) -> None:  # fmt: skip
+        """Bring a stream into its last form; `between` is called when a part of it is in order.
 
         Its files are whole and in place afterwards, but for those of a stream that was ordered,
         which lie beside the given ones until `settle`.
@@ -190,7 +207,7 @@ class WrittenGroup:
         start = time.perf_counter()
         self._synced = False
         if self._is_ordered(stream):
-            self._order(stream, origin, passes)
+            self._order(stream, origin, passes, between)
         else:
             hierarchy = stream.begun or hierarchy_over(
                 stream.folder, stream.kind, self._making, self._facts["surface"]
@@ -200,15 +217,19 @@ class WrittenGroup:
             stream.add_levels(hierarchy.levels)
         self._facts["seconds"] += time.perf_counter() - start
 
-    def _order(self, stream: WrittenStream, origin: Vector, passes: Passes) -> None:
+    def _order(
+        self, stream: WrittenStream, origin: Vector, passes: Passes,
+        between: Callable[[], object],
+    ) -> None:  # fmt: skip
         number = stream_number(self._number, stream.kind)
         outliers = self._facts["outliers"]
         own = [id for id in outliers if stream_of(id) == number]
         ordering = Ordering(
             stream.given(origin), bounds_from(self._facts["grid_bounds"]),
             np.array([index_of(id) for id in own], np.int64), passes, local=stream.local,
-            durable=self._making.durable,
+            keeping=Keeping(self._making.durable, stream.ordering, between),
         )  # fmt: skip
+        stream.under_way = ordering
         hierarchy = HierarchyWriter(
             ordering.folder, self._making.hierarchy, self._facts["surface"],
             durable=self._making.durable,
@@ -221,6 +242,7 @@ class WrittenGroup:
             hierarchy.abandon()
             ordering.abandon()
             raise
+        stream.under_way = stream.ordering = None
         stream.add_levels(hierarchy.levels)
         places = [object_id(number, int(place)) for place in ordering.places]
         others = [id for id in outliers if stream_of(id) != number]
@@ -232,7 +254,7 @@ class WrittenGroup:
         if self._making.durable and not self._synced:
             for folder, _, _ in os.walk(self._folder):
                 sync_folder(Path(folder))
-        self._synced = True
+        self._synced = not any(stream.under_way for stream in self.streams)
 
     def settle(self) -> None:
         """Put the files that are in order into the place of the given ones."""
@@ -247,6 +269,31 @@ class WrittenGroup:
             "grid_bounds": self._facts["grid_bounds"],
             "outliers": self._facts["outliers"],
         }
+
+
+def make_all(
+    groups: list[WrittenGroup], origin: Vector, progress: DoneReport | None,
+    may_settle: Callable[[bool], bool],
+) -> None:  # fmt: skip
+    """Bring the streams of all groups into their last form.
+
+    Parameters
+    ----------
+    may_settle : callable
+        Tells whether files as given may go, now that there are those in order; also called where
+        a part of a stream is in order. It is given True the last time.
+    """
+    unordered = sum(group.unordered for group in groups)
+    passes = Passes(staged(progress, "ordering", unordered) if unordered else None)
+    waiting: list[WrittenGroup] = []
+    for group in groups:
+        for stream in group.unmade:
+            group.make(stream, origin, passes, lambda: may_settle(False))
+            waiting.append(group)
+            if may_settle(False):
+                settle(waiting)
+    if waiting and may_settle(True):
+        settle(waiting)
 
 
 def settle(groups: list[WrittenGroup]) -> None:

@@ -47,6 +47,13 @@ p 5
 """
 
 
+#: So many materials that indices become wider while objects are brought into order.
+RICH = "".join(
+    f"f 0.{k:03d} 0.5 0.1 0.9 0.1 5 0 0\ns {k * 37 % 100} {k * 61 % 100} {k * 7 % 100} 1\n"
+    for k in range(700)
+)
+
+
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
     """Every way to come by objects, materials and a view."""
@@ -130,6 +137,50 @@ def test_a_kill_after_every_state(sources, tmp_path, states):
         break
     assert contents(made.path) == expected
     assert runs > len(sources) + 4
+
+
+@pytest.mark.parametrize("local", [False, True])
+@pytest.mark.parametrize("window", [60, 1000])
+def test_a_kill_after_every_window(sources, tmp_path, states, monkeypatch, window, local):
+    """Each run brings one more window into order; those before are read back for the levels."""
+    monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", window)
+    if local:
+        monkeypatch.setattr("bfrt.store.locality.LOCAL", 1e9)
+    (tmp_path / "rich.nff").write_text(RICH)
+    sources = [str(tmp_path / "rich.nff"), sources[2], sources[0]]
+    expected = contents(converted(sources, tmp_path / "plain" / "x.bfrt", radius=None).path)
+    runs = 0
+    while True:
+        states.kill_at(1)
+        runs += 1
+        try:
+            made = converted(
+                sources, tmp_path / "x.bfrt", radius=None, checkpoint=tmp_path / "kept", every=0
+            )
+        except Killed:
+            continue
+        break
+    assert contents(made.path) == expected and not (tmp_path / "kept").exists()
+    assert runs > (20 if window == 60 else 6)
+
+
+def test_windows_in_order_are_not_made_again(tmp_path, states, monkeypatch):
+    from bfrt.store.ordering.files import OrderedFiles
+
+    monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 60)
+    (tmp_path / "rich.nff").write_text(RICH)
+    sources, numbers = [str(tmp_path / "rich.nff")], []
+    append = OrderedFiles.append
+
+    def counting(files, window):
+        append(files, window)
+        numbers.append(window.objects.number)
+
+    monkeypatch.setattr(OrderedFiles, "append", counting)
+    target, kept = broken_off(sources, tmp_path, states, at=9, radius=None)
+    assert 60 < sum(numbers) < 640
+    converted(sources, target, radius=None, checkpoint=kept)
+    assert sum(numbers) == 700
 
 
 def read_by(monkeypatch):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,24 @@ from bfrt.workers import usable_threads
 Places = NDArray[np.int64]
 
 
+class Keeping(NamedTuple):
+    """Says how files in order are kept while they are made.
+
+    Attributes
+    ----------
+    durable : bool
+        Whether they outlive a loss of power.
+    saved : dict, optional
+        What `Ordering.saved` has returned, to go on from.
+    between : callable
+        Called when a window is written, and what it was made of counted.
+    """
+
+    durable: bool
+    saved: dict[str, Any] | None
+    between: Callable[[], object]
+
+
 class Ordering:
     """Orders one stream.
 
@@ -38,7 +56,7 @@ class Ordering:
         Counts objects as they go through.
     local : bool
         Whether objects that follow each other are near each other as they are.
-    durable : bool
+    keeping : Keeping
 
     Attributes
     ----------
@@ -48,9 +66,13 @@ class Ordering:
 
     def __init__(
         self, given: GivenFiles, around: Bounds, asked: Places, passes: Passes, *, local: bool,
-        durable: bool,
+        keeping: Keeping,
     ) -> None:  # fmt: skip
         self.places = np.full(len(asked), -1, np.int64)
+        saved = keeping.saved
+        if saved is not None:
+            self.places[:] = saved["places"]
+        self._between = keeping.between
         self._asked = asked
         self._given = given
         self._local = local
@@ -58,7 +80,9 @@ class Ordering:
         self._source = Source(given.layout, self._blocks, around)
         check_free(given.folder, room_beside([given.room(local)]), "ordering with")
         folder = ordered_folder(given.folder)
-        self._files = OrderedFiles(folder, given.layout, given.objects, durable)
+        self._files = OrderedFiles(
+            folder, given.layout, given.objects, keeping.durable, saved and saved["files"]
+        )
         self.folder = folder
 
     def boxes(self) -> Generator[NDArray[np.float32], None, None]:
@@ -68,17 +92,19 @@ class Ordering:
         passes.begin(self._given.objects, 2 if self._local else 3)
         means = Means(self._given.folder.parent, usable_threads(), WINDOW)
         way = as_they_come if self._local else by_place
-        done = 0
+        if self._files.done:
+            yield from self._files.boxes()
+        passes.add(self._files.done)
         with (
             closing(way(self._source, means)) as windows,
-            closing(ordered(windows, layout, means.threads)) as made,
+            closing(ordered(behind(windows, self._files.done), layout, means.threads)) as made,
         ):
             for window in made:
-                self._look(window.objects.ids, done)
+                self._look(window.objects.ids, self._files.done)
                 self._files.append(window)
-                done += window.objects.number
                 passes.add(window.objects.number)
                 yield window.boxes
+                self._between()
         passes.end()
 
     def _blocks(self) -> Iterator[Objects]:
@@ -96,6 +122,10 @@ class Ordering:
         )
         self.places[at] = first + those
 
+    def saved(self) -> dict[str, Any]:
+        """Have all windows so far on the disk; return what brings the ordering back to here."""
+        return {"places": self.places.tolist(), "files": self._files.saved()}
+
     def close(self) -> dict[str, Any]:
         """Complete the files, beside the given ones; return what the header says of them."""
         return self._files.close()
@@ -103,3 +133,12 @@ class Ordering:
     def abandon(self) -> None:
         """Give the files up."""
         self._files.abandon()
+
+
+def behind(windows: Iterator[Objects], done: int) -> Iterator[Objects]:
+    """Yield the windows behind the first `done` objects, which are those of whole windows."""
+    passed = 0
+    for window in windows:
+        if passed >= done:
+            yield window
+        passed += window.number
