@@ -109,7 +109,7 @@ def settle_ordered(place: Path, stream: Facts) -> None:
 
 
 def remove_others(folder: Path, files: set[Path], folders: set[Path]) -> None:
-    """Remove what is in a folder, but for some files and folders."""
+    """Remove what is in a folder, but for some files and folders; links are none of them."""
 
     def refuse(error: OSError) -> None:
         raise refused(folder, 0, error, "reading") from error
@@ -121,7 +121,7 @@ def remove_others(folder: Path, files: set[Path], folders: set[Path]) -> None:
             removed(Path(place) / name)
         below[:] = set(below) - set(links) - set(others)
         for path in [Path(place) / name for name in (*names, *links)]:
-            if path not in files:
+            if path not in files or path.is_symlink():
                 with calling(path, "removing"):
                     path.unlink()
 

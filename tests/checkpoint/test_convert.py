@@ -341,6 +341,18 @@ def test_what_was_made_after_the_state_is_made_again(sources, tmp_path, states):
     assert contents(made.path) == expected and (tmp_path / "plain").exists()
 
 
+def test_links_in_the_store_are_not_followed(sources, tmp_path, states):
+    target, kept = broken_off(sources, tmp_path, states)
+    palette = kept / FOLDER / "palette"
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_bytes(palette.read_bytes() + b"mine")
+    palette.unlink()
+    palette.symlink_to(elsewhere)
+    with pytest.raises(CheckpointError, match=f"^{palette}: found no file"):
+        converted(sources, target, checkpoint=kept)
+    assert elsewhere.read_bytes().endswith(b"mine")
+
+
 def files_kept(kept):
     return [path for path in sorted((kept / FOLDER).rglob("*")) if path.stat().st_size]
 
