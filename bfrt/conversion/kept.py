@@ -187,6 +187,7 @@ class KeptConversion:
         """Give the store its name, if it was whole when the run before ended; return it then."""
         if self._whole is None:
             return None
+        self._checkpoint.went_on("the store is whole, but for its name")
         path = check_new_store(target)
         folder = AtomicFolder(path, True, self._folder)
         if crc_of_header(folder.target) == self._whole:  # the kill came after the name

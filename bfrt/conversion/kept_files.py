@@ -14,6 +14,7 @@ from bfrt.ids import stream_number, stream_of
 from bfrt.paths import HEADER, is_folder
 from bfrt.records import Kind
 from bfrt.refusals import calling, refused
+from bfrt.store.file_facts import checksum_of
 from bfrt.store.ordering.files import ordered_folder, ordered_names, replace_folder
 from bfrt.store.store import MADE, PALETTE
 from bfrt.streams.removal import remove_folder
@@ -45,8 +46,8 @@ def hold_to_state(folder: Path, state: SavedState, *, whole: bool) -> None:
             place = place_of(folder, number, stream["header"])
             check_ordering(state, stream, number, group["outliers"])
             settle_ordered(place, stream)
-            if not all(path.is_file() for path, _ in under_way(place, stream)):
-                stream["ordering"] = None  # its materials have become wider since
+            if not has_column(place, stream):
+                stream["ordering"] = None  # it is ordered from the beginning
     files = dict(files_of(folder, groups))
     own = [folder / PALETTE, *([folder / HEADER, folder / MADE] if whole else [])]
     folders = {folder, *(path.parent for path in files)}
@@ -88,6 +89,25 @@ def check_ordering(state: SavedState, stream: Facts, number: int, outliers: list
     expect(path, "places", places, right=places == own)
     expect(path, "done", done, right=done <= stream["header"]["count"])
     expect(path, "width", width, right=width in (0, 1, 2, 4))
+
+
+def has_column(place: Path, stream: Facts) -> bool:
+    """Tell whether materials of a stream on the way into order are as they were.
+
+    They have another file where they have become wider since. When all are there the file gets its
+    last name, which is taken from it again.
+    """
+    if stream["ordering"] is None or not stream["ordering"]["files"]["materials"]["width"]:
+        return True
+    facts = stream["ordering"]["files"]["materials"]
+    path = ordered_folder(place) / f"materials.{facts['width']}"
+    last = path.with_suffix("")
+    if path.is_file() or not last.is_file():
+        return path.is_file()
+    with calling(path, "renaming to it"):
+        last.rename(path)
+    cut(path, facts)
+    return checksum_of(path) == (facts["crc32"], facts["bytes"])
 
 
 def under_way(place: Path, stream: Facts) -> Iterator[tuple[Path, Facts]]:

@@ -341,6 +341,48 @@ def test_what_was_made_after_the_state_is_made_again(sources, tmp_path, states):
     assert contents(made.path) == expected and (tmp_path / "plain").exists()
 
 
+@pytest.mark.parametrize("change", ["gone", "named", "wider and named"])
+def test_materials_that_have_another_file_since(tmp_path, states, monkeypatch, change):
+    """After the state indices became wider, or all were there: the kill came before the next."""
+    monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 60)
+    (tmp_path / "rich.nff").write_text(RICH)
+    sources = [str(tmp_path / "rich.nff")]
+    expected = contents(converted(sources, tmp_path / "plain" / "x.bfrt", radius=None).path)
+    target, kept = broken_off(sources, tmp_path, states, at=9, radius=None)
+    ordered = kept / FOLDER / "0" / "sphere.ordered"
+    (column,) = ordered.glob("materials.*")
+    data = column.read_bytes()
+    column.unlink()
+    if change != "gone":
+        (ordered / "materials").write_bytes(data[change == "wider and named" :] + b"more")
+    made = converted(sources, target, radius=None, checkpoint=kept)
+    assert contents(made.path) == expected and not kept.exists()
+
+
+FORGED_ON_THE_WAY = {
+    "no files": lambda ordering: ordering["files"].update(files={}),
+    "a place more": lambda ordering: ordering["places"].append(3),
+    "more than all": lambda ordering: ordering["files"].update(done=5000),
+    "a width": lambda ordering: ordering["files"]["materials"].update(width=3),
+    "a file's bytes": lambda ordering: ordering["files"]["files"]["ids"].update(bytes=9),
+}
+
+
+@pytest.mark.parametrize("name", FORGED_ON_THE_WAY)
+def test_what_is_forged_on_the_way_into_order_is_refused(tmp_path, states, monkeypatch, name):
+    monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 60)
+    (tmp_path / "rich.nff").write_text(RICH)
+    sources = [str(tmp_path / "rich.nff")]
+    target, kept = broken_off(sources, tmp_path, states, at=9, radius=None)
+
+    def change(facts):
+        FORGED_ON_THE_WAY[name](facts["groups"][0]["streams"][0]["ordering"])
+
+    forged(kept, change)
+    with pytest.raises(CheckpointError, match=f"^{kept}"):
+        converted(sources, target, radius=None, checkpoint=kept)
+
+
 def test_links_in_the_store_are_not_followed(sources, tmp_path, states):
     target, kept = broken_off(sources, tmp_path, states)
     palette = kept / FOLDER / "palette"

@@ -78,7 +78,8 @@ class Ordering:
         self._local = local
         self._passes = passes
         self._source = Source(given.layout, self._blocks, around)
-        check_free(given.folder, room_beside([given.room(local)]), "ordering with")
+        there = sum(f["bytes"] for f in saved["files"]["files"].values()) if saved else 0
+        check_free(given.folder, room_beside([given.room(local)]) - there, "ordering with")
         folder = ordered_folder(given.folder)
         self._files = OrderedFiles(
             folder, given.layout, given.objects, keeping.durable, saved and saved["files"]
