@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from bfrt.checkpoint.checkpoint import EVERY, MARKS
 from bfrt.checkpoint.pace import Pace
-from bfrt.grid.marks_layout import Layout
+from bfrt.checkpoint.state import BLOCK_BYTES
+from bfrt.grid.marks_layout import CRC, Layout
 from bfrt.refusals import calling, give_up
 from bfrt.streams.atomic_write import put
 from bfrt.streams.removal import remove_file
@@ -44,10 +45,6 @@ HEAD = struct.Struct("<8sI3IIII")
 
 #: Of a layer: the CRC-32 of its bricks, that of their coded bytes, and the number of these.
 LAYER = struct.Struct("<IIq")
-CRC = struct.Struct("<I")
-
-#: Bytes of coded bricks that are read at once.
-BLOCK_BYTES = 1 << 20
 
 #: How files are opened that have to be files of ours.
 FLAGS = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | getattr(os, "O_NOFOLLOW", 0)
