@@ -135,6 +135,11 @@ class GridPlanner(Planner[GridCapacities]):
         marking = objects / (ASSUMED.mark_rate * self.held.threads)
         return PhasePlan(passes, least, read, most, reading + marking)
 
+    def kept_bytes(self) -> int:
+        """Return the bytes of marks that are made in several subspaces, of one group at a time."""
+        made = [grid for grid in self.grids if not grid.marks_there and grid.subspaces > 1]
+        return max((grid.marks_bytes for grid in made), default=0)
+
     def tracing(self) -> PhasePlan:
         shading = self.shading_passes(self.likely)
         read, most = self.shaded_bytes()

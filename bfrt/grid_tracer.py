@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 from bfrt.budget import GridCapacities
 from bfrt.checkpoint.soundness import expect
@@ -37,6 +38,8 @@ class GridTracer(Tracer):
     settings : Settings
     capacities : GridCapacities
         What the memory budget has room for.
+    kept : Path, optional
+        Folder of a checkpoint, for marks that are made.
 
     Attributes
     ----------
@@ -46,7 +49,13 @@ class GridTracer(Tracer):
 
     capacities: GridCapacities
 
-    def __init__(self, store: Store, settings: Settings, capacities: GridCapacities) -> None:
+    def __init__(
+        self,
+        store: Store,
+        settings: Settings,
+        capacities: GridCapacities,
+        kept: Path | None = None,
+    ) -> None:
         start = time.perf_counter()
         super().__init__(store, settings, capacities)
         self._entered: TracedGroup | None = None
@@ -55,7 +64,9 @@ class GridTracer(Tracer):
             self.groups = [self._traced(group) for group in store.groups]
             with self.prepared.phases.preprocess.timed():
                 for group in self.groups:
-                    group.preprocess(capacities.subspace, self.prepared, fresh=settings.fresh_marks)
+                    group.preprocess(
+                        capacities.subspace, self.prepared, fresh=settings.fresh_marks, kept=kept
+                    )
             self._traversal = Traversal(capacities.rays, capacities.candidates, self.workers)
             room = capacities.hits if len(self.groups) > 1 else 0
             self._between = [Spool(HIT, room, self.scratch) for _ in range(2)]

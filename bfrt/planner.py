@@ -142,7 +142,7 @@ class Planner(ABC, Generic[Held]):
                 marks=sum(g.marks_bytes for g in self.grids if not g.marks_there),
                 frame=self._frame.image_bytes if held.frame_on_disk else 0,
                 spools=self._spools_at_once(),
-                checkpoint=GENERATIONS * self._state_bytes() if kept else 0,
+                checkpoint=GENERATIONS * self._state_bytes() + self.kept_bytes() if kept else 0,
             ),
         )
 
@@ -193,6 +193,10 @@ class Planner(ABC, Generic[Held]):
             + queued[number + 1]
             for number, wave in enumerate(self.most)
         )
+
+    def kept_bytes(self) -> int:
+        """Return the most bytes that a checkpoint keeps beside its states."""
+        return 0
 
     def _state_bytes(self) -> int:
         """Return the most bytes of a state between two passes; the film and the picture are whole.

@@ -433,7 +433,11 @@ class Scene:
                 frame = frame._replace(band=0 if found is None else found.facts["rows"])
             plan = self._divide(self.store, settings, frame)
             self._make_room()
-            with self.store.folder.session(), tracer_of(self.store, settings, plan) as tracer:
+            folder = None if kept is None else kept.folder
+            with (
+                self.store.folder.session(),
+                tracer_of(self.store, settings, plan, folder) as tracer,
+            ):
                 return picture_of(tracer, view, report, kept)
 
     def plan(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from bfrt.grid.marks import Marks, open_marks, writing_marks
 from bfrt.grid.marks_home import marks_path
-from bfrt.grid.partition import Limits, partition_of
+from bfrt.grid.marks_log import MarksLog
+from bfrt.grid.partition import Limits, partition_of, subspaces
 from bfrt.grid.selection import Selection
 from bfrt.grid.slabs import Slabs
 from bfrt.grid.voxel_rays import VoxelRays
@@ -61,6 +63,7 @@ class TracedGroup:
         self.marks_reused = False
         self.facts: dict[str, Any] = {}
         self._store = store
+        self._number = group.number
         self._workers = workers
         self._limits = limits
         hierarchy = settings.refinement.hierarchy
@@ -88,7 +91,9 @@ class TracedGroup:
         """Return the number of voxels of the grid."""
         return self._cut.voxels
 
-    def preprocess(self, subspace: int, counters: Counters, *, fresh: bool) -> None:
+    def preprocess(
+        self, subspace: int, counters: Counters, *, fresh: bool, kept: Path | None = None
+    ) -> None:
         """See that there are marks.
 
         Parameters
@@ -97,11 +102,21 @@ class TracedGroup:
             Voxels that are marked at a time, at the most.
         fresh : bool
             Whether they are made again.
+        kept : Path, optional
+            Folder of a checkpoint: layers that are complete are kept there until all are.
         """
+        log = None if kept is None else MarksLog(kept, self._number)
         marks = None if fresh else open_marks(self._marks_path, self._store, self._layout)
         self.marks_reused = marks is not None
         if marks is None:
-            marks = self._make(subspace, counters)
+            try:
+                marks = self._make(subspace, counters, log)
+            except BaseException:
+                if log is not None:
+                    log.close()
+                raise
+        if log is not None:
+            log.remove()
         self.facts = {
             "voxels": list(self._cut.shape),
             "lower": 1 << self._cut.lower_bits,
@@ -110,10 +125,13 @@ class TracedGroup:
         }
         marks.close()
 
-    def _make(self, subspace: int, counters: Counters) -> Marks:
-        """Make the marks."""
+    def _make(self, subspace: int, counters: Counters, log: MarksLog | None = None) -> Marks:
+        """Make the marks, from the layers that a log has."""
         marking = Marking(self.scans, self._selection, self._grid, self._workers, counters)
         with writing_marks(self._marks_path, self._store, self._layout) as writer:
+            several = sum(1 for _ in subspaces(self._grid.layered, subspace)) > 1
+            if log is not None and (several or log.is_there):
+                writer.take(log, self._store, self._layout)
             marking.mark_all(subspace, writer)
         return writer.marks
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from bfrt.budget import Capacities, GridCapacities, TreeCapacities
 from bfrt.grid_tracer import GridTracer
 from bfrt.settings import Settings
@@ -10,9 +12,11 @@ from bfrt.tracer import Tracer
 from bfrt.tree_tracer import TreeTracer
 
 
-def tracer_of(store: Store, settings: Settings, capacities: Capacities) -> Tracer:
-    """Begin a session on a scene."""
+def tracer_of(
+    store: Store, settings: Settings, capacities: Capacities, kept: Path | None = None
+) -> Tracer:
+    """Begin a session on a scene; `kept` is the folder of its checkpoint, if there is one."""
     if isinstance(capacities, TreeCapacities):
         return TreeTracer(store, settings, capacities)
     assert isinstance(capacities, GridCapacities)
-    return GridTracer(store, settings, capacities)
+    return GridTracer(store, settings, capacities, kept)

@@ -19,7 +19,7 @@ from bfrt.checkpoint.state import Facts, SavedState
 from bfrt.image.picture import Image
 from bfrt.records import Kind
 from bfrt.scene import Scene, SceneWriter, open_scene
-from bfrt.store.group import Order
+from bfrt.store.making import Order
 from bfrt.store.model import Camera, Light, Material
 from bfrt.tracer import Tracer
 

@@ -27,8 +27,8 @@ from bfrt.reference.exhaustive import advanced
 from bfrt.reference.independent import Objects
 from bfrt.settings import REFINEMENTS, Settings
 from bfrt.stats import Counters
-from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.making import Order
 from bfrt.store.store import Group, Store, open_store
 from bfrt.store.writer import StoreWriter
 from bfrt.streams.spool import Spool

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 
 from bfrt.checkpoint.identity import Identity, check_same
-from bfrt.checkpoint.pace import Pace
+from bfrt.checkpoint.pace import ASSUMED_EACH, Pace
 from bfrt.checkpoint.soundness import check_facts
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.errors import BfrtError, CheckpointError, SettingError
@@ -24,6 +24,7 @@ from bfrt.paths import check_folder
 from bfrt.refusals import refused
 from bfrt.store.header import Check
 from bfrt.streams.atomic_write import sync_folder
+from bfrt.streams.removal import remove_file
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +34,9 @@ EVERY = 60.0
 #: Names of generations; while one is written, with `PART` behind.
 GENERATION = re.compile(r"state\.([0-9]{1,18})(\.part)?")
 PART = ".part"
+
+#: What files of marks that are made begin with (`bfrt.grid.marks_log`).
+MARKS = "bfrt-marks"
 
 #: What the system says where folders cannot be locked: some network file systems.
 UNLOCKED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
@@ -51,6 +55,8 @@ class Checkpoint:
     every : float
         Seconds between two saves at the least. Where saving takes long it is done less often: it
         costs no more than a fiftieth of the time. 0 means after every pass, whatever it costs.
+    each : float
+        Seconds that a save is taken to need until one has been timed.
 
     Attributes
     ----------
@@ -64,13 +70,15 @@ class Checkpoint:
         If the folder cannot be one that is written to, is in use, or `every` is no such number.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], every: float = EVERY) -> None:
+    def __init__(
+        self, folder: str | os.PathLike[str], every: float = EVERY, each: float = ASSUMED_EACH
+    ) -> None:
         number = isinstance(every, (int, float)) and not isinstance(every, bool)
         if not number or not math.isfinite(every) or every < 0:
             raise SettingError(f"every: found {every!r:.80}, expected seconds, 0 or more")
         self.folder = check_folder("checkpoint", folder, ())
         self.found: SavedState | None = None
-        self._pace = Pace(float(every))
+        self._pace = Pace(float(every), each)
         self._identity: Identity = {}
         self._number = 0
         self._lock = -1
@@ -172,15 +180,20 @@ class Checkpoint:
 
         Where that ends the work the state is saved before, if nobody would have to wait for it.
         """
-        due = self._pace.due(size)
-        if due:
-            self.save(write)
+        due = self.save_if_due(write, size)
         try:
             tell()
         except BaseException:
             if not due and self._pace.at_once(size):
                 self._save_last(write)
             raise
+
+    def save_if_due(self, write: Callable[[StateWriter], Facts], size: int) -> bool:
+        """Save a state of about `size` bytes if that is due; return whether it was."""
+        due = self._pace.due(size)
+        if due:
+            self.save(write)
+        return due
 
     def _save_last(self, write: Callable[[StateWriter], Facts]) -> None:
         """Save a state while work ends for a reason of its own, which is the one to hear about."""
@@ -221,9 +234,17 @@ class Checkpoint:
         self._pace.saved(writer.bytes, time.perf_counter() - start)
         log.debug("%s: saved %d bytes", self.folder, writer.bytes)
 
+    @property
+    def has_state(self) -> bool:
+        """Tell whether there is a state, of whatever work."""
+        return bool(self._generations())
+
     def remove(self) -> None:
         """Remove the state: the work is finished."""
         self._remove(lambda number, part: True)
+        for name in self._names():
+            if name.startswith(f"{MARKS}."):
+                remove_file(self.folder / name)
 
     def _path(self, number: int) -> Path:
         return self.folder / f"state.{number}"
@@ -256,7 +277,9 @@ class Checkpoint:
 
 @contextmanager
 def keeping(
-    checkpoint: str | os.PathLike[str] | Checkpoint | None, every: float
+    checkpoint: str | os.PathLike[str] | Checkpoint | None,
+    every: float,
+    each: float = ASSUMED_EACH,
 ) -> Iterator[Checkpoint | None]:
     """Yield the checkpoint that a caller asks for, open; it is removed if the work ends well.
 
@@ -265,6 +288,6 @@ def keeping(
     if checkpoint is None or isinstance(checkpoint, Checkpoint):
         yield checkpoint
         return
-    with Checkpoint(checkpoint, every) as kept:
+    with Checkpoint(checkpoint, every, each) as kept:
         yield kept
         kept.remove()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,14 @@ def identity_of_render(store: Store, view: View, settings: Settings) -> Identity
             "aovs": view.aovs,
         }
     )
+
+
+def identity_of_conversion(sources: Sequence[str], settings: Mapping[str, Any]) -> Identity:
+    """Return what identifies a conversion: its sources, in order, and all that changes the store.
+
+    The target is left out, and memory, threads and scratch, which change nothing of it.
+    """
+    return _plain({"version": VERSION, "work": "convert", "sources": sources, **settings})
 
 
 def check_same(folder: Path, found: Identity, expected: Identity) -> None:

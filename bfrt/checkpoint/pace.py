@@ -25,11 +25,13 @@ class Pace:
     ----------
     every : float
         Seconds between two saves at the least; 0 means at every occasion, whatever it costs.
+    each : float
+        Seconds of each save, until one has been timed.
     """
 
-    def __init__(self, every: float) -> None:
+    def __init__(self, every: float, each: float = ASSUMED_EACH) -> None:
         self.every = every
-        self._each, self._rate = ASSUMED_EACH, ASSUMED_RATE
+        self._each, self._rate = each, ASSUMED_RATE
         self._last = time.perf_counter()
 
     def due(self, size: int) -> bool:

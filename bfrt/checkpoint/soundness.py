@@ -15,7 +15,22 @@ from bfrt.errors import CheckpointError
 from bfrt.ids import index_of, stream_of
 from bfrt.records import HIT, NO_HIT, PATH, QUERY_PATH, QUERY_RAY, QUEUED, RAY, RayKind
 from bfrt.stats import counters_of
-from bfrt.store.header import FACTS, Check, fields, listed, named, optional, real, truth, whole
+from bfrt.store.header import (
+    FACTS,
+    Check,
+    bounds,
+    camera,
+    fields,
+    light,
+    listed,
+    named,
+    optional,
+    real,
+    stream,
+    truth,
+    vector,
+    whole,
+)
 from bfrt.store.store import Store
 
 #: What a ray's walk may be: new, on, over; and the faces by which it may have come.
@@ -30,6 +45,27 @@ def text(value: Any) -> str:
     """Check a text that is not long."""
     if not isinstance(value, str) or len(value) > 200:
         raise ValueError(f"found {value!r:.60}, expected a text")
+    return value
+
+
+def string(value: Any) -> str:
+    """Check a text, of whatever length."""
+    if not isinstance(value, str):
+        raise ValueError(f"found {value!r:.60}, expected a text")
+    return value
+
+
+def moment(value: Any) -> int:
+    """Check a time, in nanoseconds since 1970 or before."""
+    if type(value) is not int or abs(value) >= MANY:
+        raise ValueError(f"found {value!r:.60}, expected a time")
+    return value
+
+
+def place(value: Any) -> int:
+    """Check an object's place in the order, or -1 where it has none so far."""
+    if type(value) is not int or not -1 <= value < MANY:
+        raise ValueError(f"found {value!r:.60}, expected a place")
     return value
 
 
@@ -88,6 +124,43 @@ RENDER_FACTS = fields(
 RAYS_FACTS = fields(taken=whole(MANY), bad=whole(MANY), checksums=listed(whole(1 << 32), 4))
 QUERY_FACTS = fields(rays=RAYS_FACTS, tracer=TRACER_FACTS, done=whole(MANY), stats=STATS_FACTS)
 
+#: What is known of a group of a store that is made, and of each of its streams.
+COLUMN_FACTS = fields(
+    count=whole(MANY),
+    first=whole(1 << 32),
+    width=whole(5),
+    bytes=whole(MANY),
+    crc32=whole(1 << 32),
+)
+ORDERED_FACTS = fields(
+    done=whole(MANY),
+    vertices=whole(MANY),
+    treelets=whole(MANY),
+    nodes=whole(MANY),
+    treelet_bytes=whole(MANY),
+    files=files,
+    materials=COLUMN_FACTS,
+)
+ORDERING_FACTS = fields(places=listed(place), files=ORDERED_FACTS)
+STREAM_FACTS = fields(header=stream, local=truth, made=truth, ordering=optional(ORDERING_FACTS))
+GROUP_FACTS = fields(
+    streams=listed(STREAM_FACTS),
+    bounds=optional(bounds),
+    grid_bounds=optional(bounds),
+    outliers=listed(whole(1 << 64)),
+    surface=real,
+    seconds=real,
+)
+VIEW_FACTS = fields(camera=optional(camera), lights=listed(light), background=vector)
+CONVERSION_FACTS = fields(
+    inputs=listed(optional(fields(bytes=whole(MANY), changed=moment))),
+    uses=fields(names=listed(string), known=listed(string)),
+    view=VIEW_FACTS,
+    origin=optional(vector),
+    palette=FACTS,
+    groups=listed(GROUP_FACTS),
+    whole=optional(whole(1 << 32)),
+)
 
 #: The header beside magic, format and checksum, which are looked at first.
 HEADER_FACTS = fields(

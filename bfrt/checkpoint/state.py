@@ -115,7 +115,7 @@ class SavedState:
         self.sound: Sound | None = None
         self._files: dict[str, Facts] = body["files"]
         for name, file in self._files.items():
-            _check_file(folder / name, file)
+            check_file(folder / name, file)
 
     @property
     def bytes(self) -> int:
@@ -202,7 +202,7 @@ def _checksum(body: Facts) -> int:
     return zlib.crc32(json.dumps(body, sort_keys=True).encode())
 
 
-def _check_file(path: Path, file: Facts) -> None:
+def check_file(path: Path, file: Facts) -> None:
     """Refuse a file that differs from what was written."""
     there = facts_at(path)
     found = "no file" if there is None else f"{there.st_size} bytes"

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import Any, NamedTuple
 
 from bfrt.cli.bars import bars
 from bfrt.cli.options import (
     Once,
+    add_checkpoint,
     add_hierarchy,
     add_order,
     add_reading,
+    check_every,
     command,
     hierarchy_of,
+    tell_checkpoints,
 )
 from bfrt.conversion.convert import convert
+from bfrt.conversion.kept import EVERY
 from bfrt.conversion.sources import READERS
 from bfrt.scene import PathLike, Scene
-from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.making import Order
+
+
+class Kept(NamedTuple):
+    """Says where a conversion keeps its state, and after how many seconds at the least."""
+
+    folder: str
+    every: float
 
 
 def add_convert(commands: Any) -> None:
@@ -36,10 +47,16 @@ def add_convert(commands: Any) -> None:
     add_order(made, "auto")
     add_hierarchy(made)
     add_reading(made)
+    add_checkpoint(made, EVERY)
 
 
 def run_convert(options: argparse.Namespace) -> None:
-    convert_input(options, options.output, hierarchy_of(options), order=options.order)
+    check_every(options)
+    tell_checkpoints(options)
+    kept = None
+    if options.checkpoint is not None:
+        kept = Kept(options.checkpoint, EVERY if options.every is None else options.every)
+    convert_input(options, options.output, hierarchy_of(options), order=options.order, kept=kept)
 
 
 def convert_input(
@@ -49,6 +66,7 @@ def convert_input(
     *,
     order: Order = "auto",
     durable: bool = True,
+    kept: Kept | None = None,
 ) -> Scene:
     """Convert what the command line names as input, with its settings, under a progress bar."""
     sources = [options.input] if isinstance(options.input, str) else options.input
@@ -72,4 +90,6 @@ def convert_input(
             external_storage=options.external_storage,
             progress=progress,
             durable=durable,
+            checkpoint=None if kept is None else kept.folder,
+            every=EVERY if kept is None else kept.every,
         )

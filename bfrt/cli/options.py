@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from collections.abc import Callable
 from typing import Any, get_args
 
-from bfrt.store.group import Order
+from bfrt.errors import SettingError
 from bfrt.store.hierarchy import Hierarchy, parse_hierarchy
+from bfrt.store.making import Order
 
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
@@ -111,3 +113,27 @@ def add_hierarchy(made: argparse.ArgumentParser) -> None:
 def hierarchy_of(options: argparse.Namespace, default: Hierarchy | None = None) -> Hierarchy | None:
     """Return the hierarchy settings that the command line gives, or None."""
     return None if options.hierarchy is None else parse_hierarchy(options.hierarchy, default)
+
+
+def add_checkpoint(made: argparse.ArgumentParser, every: float) -> None:
+    """Add the options of a checkpoint, which is saved every so many seconds by default."""
+    made.add_argument(
+        "--checkpoint", metavar="DIR",
+        help="folder that keeps the state: the same command goes on from there after a kill",
+    )  # fmt: skip
+    made.add_argument(
+        "--every", type=float, metavar="SECONDS",
+        help=f"between two saves of the state, at the least ({every:g})",
+    )  # fmt: skip
+
+
+def check_every(options: argparse.Namespace) -> None:
+    """Refuse an interval of no checkpoint."""
+    if options.every is not None and options.checkpoint is None:
+        raise SettingError(f"--every: found {options.every:g} without --checkpoint, which it is of")
+
+
+def tell_checkpoints(options: argparse.Namespace) -> None:
+    """Have it said on standard error where work goes on."""
+    if not options.quiet:
+        logging.getLogger("bfrt.checkpoint").setLevel(logging.INFO)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +12,15 @@ from typing import Any
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint
 from bfrt.cli.bars import wants_bar
 from bfrt.cli.convert import convert_input
-from bfrt.cli.options import READING, Once, add_reading, command
+from bfrt.cli.options import (
+    READING,
+    Once,
+    add_checkpoint,
+    add_reading,
+    check_every,
+    command,
+    tell_checkpoints,
+)
 from bfrt.cli.view import add_view, camera_of
 from bfrt.conversion.sources import is_store
 from bfrt.errors import SettingError
@@ -63,14 +70,7 @@ def add_render(commands: Any) -> None:
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
     made.add_argument("--stats", action=Once, metavar="FILE", help="write counters as JSON")
     made.add_argument("--table", action="store_true", help="print counters as a table")
-    made.add_argument(
-        "--checkpoint", metavar="DIR",
-        help="folder that keeps the state: the same command goes on from there after a kill",
-    )  # fmt: skip
-    made.add_argument(
-        "--every", type=float, metavar="SECONDS",
-        help=f"between two saves of the state, at the least ({EVERY:g})",
-    )  # fmt: skip
+    add_checkpoint(made, EVERY)
     made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
     made.add_argument(
         "--fresh-marks", action="store_true", help="make the voxel marks of the store again"
@@ -86,8 +86,7 @@ def add_render(commands: Any) -> None:
 
 def run_render(options: argparse.Namespace) -> None:
     check_outputs(options, aovs_of(options.aov))
-    if options.every is not None and options.checkpoint is None:
-        raise SettingError(f"--every: found {options.every:g} without --checkpoint, which it is of")
+    check_every(options)
     if options.plan:
         print(plan_asked(options))
         return
@@ -122,8 +121,7 @@ def kept(options: argparse.Namespace) -> Iterator[Checkpoint | None]:
     if options.checkpoint is None:
         yield None
         return
-    if not options.quiet:
-        logging.getLogger("bfrt.checkpoint").setLevel(logging.INFO)
+    tell_checkpoints(options)
     every = EVERY if options.every is None else options.every
     with Checkpoint(options.checkpoint, every) as checkpoint:
         yield checkpoint

@@ -7,5 +7,6 @@
        │          ▼
        └───────► sinks ─► SceneWriter     one group for each source, prepared by threads
 
+With a checkpoint, `bfrt.conversion.kept` has the writer go on where a killed run was.
 `bfrt.conversion.views` takes the camera of a file, and nothing else.
 """

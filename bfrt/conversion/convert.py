@@ -6,10 +6,13 @@ import logging
 import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from bfrt.checkpoint.checkpoint import Checkpoint, keeping
+from bfrt.checkpoint.identity import identity_of_conversion
+from bfrt.conversion.kept import EVERY, KeptConversion, Writing, check_can_be_kept, find_state
 from bfrt.conversion.sinks import Behind, GroupSink
 from bfrt.conversion.sources import (
     SceneFile,
@@ -23,13 +26,13 @@ from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
-from bfrt.paths import facts_at, path_of, without_links
+from bfrt.paths import check_apart, facts_at, path_of, without_links
 from bfrt.progress import DoneReport, check_report, staged
 from bfrt.refusals import in_memory
 from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
-from bfrt.store.group import Order, checked_order
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.making import Order, checked_order
 from bfrt.workers import usable_threads
 
 log = logging.getLogger(__name__)
@@ -80,6 +83,34 @@ class Conversion:
         return first.scene if isinstance(first, StandardScene) else None
 
     @property
+    def files(self) -> list[str]:
+        """Return the names of the sources, "" for those that are no files."""
+        return [source.name if isinstance(source, SceneFile) else "" for source in self.sources]
+
+    @property
+    def writing(self) -> Writing:
+        """Return how the store is written."""
+        first = self.first_scene
+        return Writing(
+            self.target,
+            "float32" if self.is_plain and self.dtype is None else self.dtype,
+            (0.0, 0.0, 0.0) if self.is_plain else None,
+            self.hierarchy or (Hierarchy() if first is None else first.hierarchy),
+            self.order,
+        )
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Return all that changes the store, for JSON."""
+        how = self.writing
+        return {
+            "dtype": None if how.dtype is None else str(how.dtype),
+            "hierarchy": asdict(how.hierarchy),
+            "order": how.order,
+            **self.reading.settings,
+        }
+
+    @property
     def is_plain(self) -> bool:
         """Tell whether all sources are NFF or standard scenes, of float32 around zero."""
         files = [source for source in self.sources if isinstance(source, SceneFile)]
@@ -106,6 +137,8 @@ def convert(
     external_storage: bool = False,
     progress: DoneReport | None = None,
     durable: bool = True,
+    checkpoint: PathLike | Checkpoint | None = None,
+    every: float = EVERY,
 ) -> Scene:
     """Convert scene files to a scene store, streaming.
 
@@ -170,6 +203,15 @@ def convert(
         Returning False cancels.
     durable : bool
         Whether the store outlives a loss of power; not needed for one that is soon removed.
+    checkpoint : path-like, optional
+        Folder, in the file system of the target, in which the store is made and its state is kept:
+        the same call goes on from there after a kill, and does not read again the sources that
+        were complete; the store has the same bytes (docs/checkpoints.rst). It is removed when the
+        store is complete.
+    every : float
+        Seconds between two saves of the state at the least; it is saved when a source is complete,
+        or a stream is in order, and where that takes long less often: it costs no more than a
+        fiftieth of the time. 0 means every time, whatever it costs.
 
     Returns
     -------
@@ -184,7 +226,10 @@ def convert(
     BudgetError
         If the budget is below the least that works, which the message names.
     SettingError
-        If no reader knows a file's suffix, a setting does not fit the file, or no file uses it.
+        If no reader knows a file's suffix, a setting does not fit the file, or no file uses it; if
+        `checkpoint` has the state of other work, or a source that was complete has changed.
+    CheckpointError
+        If the state in `checkpoint`, or a file of the store there, is damaged.
     DiskFullError, StreamError
         If the system refuses a read or a write; nothing is left behind.
     Cancelled
@@ -210,29 +255,61 @@ def convert(
     budget = default_memory() if memory is None else parse_memory(memory)
     conversion = Conversion(sources, target, reading, budget, dtype, hierarchy, order, durable)
     with in_memory(f"{conversion.names}: converting", budget):
-        scene = write_scene(conversion, progress)
+        if checkpoint is None:
+            scene = write_scene(conversion, progress)
+        else:
+            check_can_be_kept(conversion.files)
+            if not isinstance(checkpoint, Checkpoint):
+                check_apart(target, checkpoint)
+            with keeping(checkpoint, every, each=0.0) as kept:
+                assert kept is not None
+                scene = go_on(conversion, kept, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
 
 
-def write_scene(conversion: Conversion, progress: DoneReport | None) -> Scene:
+def go_on(conversion: Conversion, checkpoint: Checkpoint, progress: DoneReport | None) -> Scene:
+    """Write the sources as `write_scene` does, from where the state in a checkpoint ends."""
+    names = [source.name for source in conversion.sources]
+    find_state(checkpoint, identity_of_conversion(names, conversion.settings))
+    with KeptConversion(checkpoint, conversion.files, conversion.reading.uses) as kept:
+        kept.check_inputs()
+        store = kept.named(conversion.target)
+        return write_scene(conversion, progress, kept) if store is None else Scene(store)
+
+
+def write_scene(
+    conversion: Conversion, progress: DoneReport | None, kept: KeptConversion | None = None
+) -> Scene:
     """Write the sources one after the other, each into its group."""
     rooms = rooms_of(conversion)
     report = staged(progress, "reading", bytes_of(conversion.sources) or None)
-    with open_writer(conversion) as writer:
-        if conversion.first_scene is not None:
+    done = 0 if kept is None else kept.done
+    with open_writer(conversion) if kept is None else kept.open(conversion.writing) as writer:
+        if conversion.first_scene is not None and not done:
             writer.expect(conversion.first_scene.counts, conversion.first_scene.surface)
-        for group, (source, room) in enumerate(zip(conversion.sources, rooms, strict=True)):
-            sink = GroupSink(writer, group)
-            if isinstance(source, StandardScene):
-                conversion.reading.refuse_all_but(source.name)
-                source.scene.feed(sink, usable_threads())
-            else:
-                reading = replace(conversion.reading, room=room)
-                read_file(source, sink, reading, after(report, conversion.sources[:group]))
+        for group in range(done, len(rooms)):
+            if kept is not None:
+                kept.begin()
+            write_group(conversion, group, rooms[group], writer, report)
+            if kept is not None:
+                kept.complete()
         with complaints_of(conversion.names):
             return Scene(writer.complete(progress))
+
+
+def write_group(
+    conversion: Conversion, group: int, room: int, writer: SceneWriter, report: Report | None
+) -> None:
+    """Write a source into its group."""
+    source, sink = conversion.sources[group], GroupSink(writer, group)
+    if isinstance(source, StandardScene):
+        conversion.reading.refuse_all_but(source.name)
+        source.scene.feed(sink, usable_threads())
+    else:
+        reading = replace(conversion.reading, room=room)
+        read_file(source, sink, reading, after(report, conversion.sources[:group]))
 
 
 def rooms_of(conversion: Conversion) -> list[int]:
@@ -254,15 +331,11 @@ def rooms_of(conversion: Conversion) -> list[int]:
 
 def open_writer(conversion: Conversion) -> SceneWriter:
     """Open the writer of the store."""
-    first = conversion.first_scene
+    how = conversion.writing
     return SceneWriter(
-        conversion.target,
-        dtype="float32" if conversion.is_plain and conversion.dtype is None else conversion.dtype,
-        origin=(0.0, 0.0, 0.0) if conversion.is_plain else None,
-        hierarchy=conversion.hierarchy or (first.hierarchy if first is not None else None),
-        order=conversion.order,
+        how.target, dtype=how.dtype, origin=how.origin, hierarchy=how.hierarchy, order=how.order,
         durable=conversion.durable,
-    )
+    )  # fmt: skip
 
 
 def read_file(file: SceneFile, sink: GroupSink, reading: Reading, progress: Report | None) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, fields
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 from bfrt.errors import SettingError
 
@@ -119,6 +120,17 @@ class Reading:
                 f"color_range: found {self.color_range!r}, expected two finite numbers, "
                 "the lesser first"
             )
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Return what changes how a file is read, for JSON."""
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        settings = {name: value for name, value in own.items() if name not in ALWAYS}
+        if isinstance(self.radius, Real):
+            settings["radius"] = float(self.radius)
+        if self.color_range is not None:
+            settings["color_range"] = [float(end) for end in self.color_range]
+        return settings
 
     @property
     def columns(self) -> tuple[str, ...]:

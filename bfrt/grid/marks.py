@@ -30,20 +30,20 @@ import errno
 import io
 import math
 import os
-import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError, StoreError, StreamError
 from bfrt.grid._coding import MOST_CODED, decode, encode
-from bfrt.grid.bricks import BRICK, BRICK_BYTES
+from bfrt.grid.bricks import BRICK_BYTES
 from bfrt.grid.marks_home import is_believed, is_inside, prepare_home
+from bfrt.grid.marks_layout import CRC, HEADER, LAYER_BYTES, Layout
+from bfrt.grid.marks_log import MarksLog
 from bfrt.refusals import calling, refused
 from bfrt.store.store import Group, Store
 from bfrt.streams.atomic_write import atomic_own_file, put
@@ -52,11 +52,6 @@ from bfrt.streams.reader import Reader, SharedFile
 
 MAGIC = b"bfrtmark"
 MARKS_VERSION = 5
-HEADER = struct.Struct("<8sI3IIIQII")
-CRC = struct.Struct("<I")
-
-#: Of each layer, its checksum and size.
-LAYER_BYTES = 4 + 8
 
 #: Bytes of the buffer through which a thread reads a layer.
 MARKS_BUFFER = 1 << 16
@@ -64,48 +59,7 @@ MARKS_BUFFER = 1 << 16
 #: Bricks that are coded before they are written.
 CODED = 1024
 
-Shape = tuple[int, int, int]
 Bytes = NDArray[np.uint8]
-
-
-def bricks_of(layered: Shape) -> Shape:
-    """Return the number of bricks an axis, for a number of voxels an axis."""
-    a, b, c = (-(-n // BRICK) for n in layered)
-    return (a, b, c)
-
-
-class Layout(NamedTuple):
-    """Identifies what marks describe: a grid, and the boxes marked in it.
-
-    Attributes
-    ----------
-    shape : tuple of 3 int
-        Voxels an axis: x, y, z.
-    axis : int
-        The one across the layers.
-    boxes : int
-        0 for the objects' boxes as they are; else `Group.quantised_checksum`.
-    """
-
-    shape: Shape
-    axis: int
-    boxes: int = 0
-
-    @property
-    def bricks(self) -> Shape:
-        """Return the number of bricks: (layers, rows of a layer, bricks of a row)."""
-        rest = [n for k, n in enumerate(self.shape) if k != self.axis]
-        return bricks_of((self.shape[self.axis], rest[1], rest[0]))
-
-    @property
-    def data_at(self) -> int:
-        """Return the offset of the first brick in the file, bytes."""
-        bits = -(-math.prod(self.bricks) // 8)
-        return HEADER.size + CRC.size + LAYER_BYTES * self.bricks[0] + bits
-
-    def most_bytes(self, bricks: int) -> int:
-        """Return an upper bound of the file's bytes for a number of bricks."""
-        return self.data_at + bricks * MOST_CODED
 
 
 class Marks:
@@ -174,16 +128,21 @@ class MarksWriter:
     ----------
     marks : Marks
         The marks written, when all layers are.
+    layers : int
+        Number of layers of bricks that are written.
+    log : MarksLog, optional
+        Gets the layers too.
     """
 
     def __init__(self, file: io.FileIO, path: Path, layout: Layout) -> None:
+        self.log: MarksLog | None = None
         self.occupied = np.zeros(layout.bricks, np.uint8)
         self.crcs = np.zeros(layout.bricks[0], np.uint32)
         self.sizes = np.zeros(layout.bricks[0], np.int64)
         self.bytes = layout.data_at
         self.marks: Marks
         self._file, self._path = file, path
-        self._layer = 0
+        self.layers = 0
         self._coded = np.empty(CODED * MOST_CODED, np.uint8)
         self._go(layout.data_at)
 
@@ -193,14 +152,36 @@ class MarksWriter:
 
     def add(self, bricks: Bytes, occupied: Bytes) -> None:
         """Add the next layer: its bricks (n, 512), and which are kept, (rows, bricks of a row)."""
-        self.occupied[self._layer] = occupied
-        self.crcs[self._layer] = zlib.crc32(bricks.data) if len(bricks) else 0
+        crc = zlib.crc32(bricks.data) if len(bricks) else 0
         for first in range(0, len(bricks), CODED):
             size = encode(bricks[first : first + CODED], self._coded)
-            put(self._file, self._coded[:size].data, self._path)
-            self.sizes[self._layer] += size
-        self.bytes += int(self.sizes[self._layer])
-        self._layer += 1
+            self._put(self._coded[:size].data)
+            if self.log is not None:
+                self.log.add(self._coded[:size].data)
+        if self.log is not None:
+            self.log.complete(crc, occupied)
+        self._complete(crc, occupied)
+
+    def take(self, log: MarksLog, store: Store, layout: Layout) -> None:
+        """Take the layers that a log has; it gets the others."""
+        found = log.open(layout, store.checksum)
+        log.rewind()
+        for layer in found:
+            for block in log.coded(layer):
+                self._put(memoryview(block))
+            self._complete(layer.crc, layer.occupied)
+        self.log = log
+
+    def _put(self, coded: memoryview) -> None:
+        put(self._file, coded, self._path)
+        self.sizes[self.layers] += len(coded)
+
+    def _complete(self, crc: int, occupied: Bytes) -> None:
+        """Complete a layer, whose coded bricks are written."""
+        self.crcs[self.layers] = crc
+        self.occupied[self.layers] = occupied
+        self.bytes += int(self.sizes[self.layers])
+        self.layers += 1
 
 
 @contextmanager

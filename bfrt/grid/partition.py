@@ -18,7 +18,7 @@ import numpy as np
 
 from bfrt.errors import BudgetError
 from bfrt.grid.bricks import BRICK, BRICK_BYTES
-from bfrt.grid.marks import Shape, bricks_of
+from bfrt.grid.marks_layout import Shape, bricks_of
 from bfrt.records import VOXEL_BITS
 from bfrt.store.extent import Bounds
 from bfrt.store.store import Group
@@ -173,16 +173,18 @@ def cut(shape: Shape, limits: Limits) -> Partition | None:
     return None
 
 
-def subspaces(layered: Shape, most: int) -> Iterator[tuple[int, int]]:
+def subspaces(layered: Shape, most: int, begin: int = 0) -> Iterator[tuple[int, int]]:
     """Yield each subspace's first layer and end: whole bricks of `most` voxels, one at least.
+
+    The first `begin` layers of bricks are left out.
 
     The paper's are cubes, for most parent boxes lie outside one (its figure 3). Few parents are cut
     either way where they are small; but what lies in a cube comes in many short runs, and the gaps
     between are read through. Layers also come in the order in which marks are kept.
     """
-    layers = -(-layered[0] // BRICK)
+    layers = -(-layered[0] // BRICK) - begin
     fit = max(1, most // (BRICK * layered[1] * layered[2]))
     count = -(-layers // fit)
     for number in range(count):
-        first, end = (layers * n // count * BRICK for n in (number, number + 1))
+        first, end = ((begin + layers * n // count) * BRICK for n in (number, number + 1))
         yield first, min(end, layered[0])

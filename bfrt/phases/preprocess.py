@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from bfrt.grid.bricks import BRICK, BRICK_BYTES, pack
 from bfrt.grid.grid import Grid
-from bfrt.grid.marks import Layout, MarksWriter, Shape, bricks_of
+from bfrt.grid.marks import MarksWriter
+from bfrt.grid.marks_layout import Layout, Shape, bricks_of
 from bfrt.grid.partition import Partition, subspaces
 from bfrt.grid.selection import Selection
 from bfrt.grid.subspace import Subspace
@@ -89,8 +90,8 @@ class Marking:
         self._counters = counters
 
     def mark_all(self, most: int, writer: MarksWriter) -> None:
-        """Write all layers, of subspaces of up to `most` voxels."""
-        for first, end in subspaces(self._grid.layered, most):
+        """Write all layers that are missing, of subspaces of up to `most` voxels."""
+        for first, end in subspaces(self._grid.layered, most, writer.layers):
             for bricks, occupied in layers_of(self._marked(first, end)):
                 writer.add(bricks, occupied)
         self._counters.phases.preprocess.bytes_written += writer.bytes

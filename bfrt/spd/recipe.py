@@ -26,8 +26,8 @@ from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Scalar, Task
 from bfrt.spd.nff import BlockText, block_text, fill_text, head_text
 from bfrt.store.columns import prepare
 from bfrt.store.extent import Extent
-from bfrt.store.group import Order
 from bfrt.store.hierarchy import Hierarchy
+from bfrt.store.making import Order
 from bfrt.store.model import Camera, Light, Material, Vector
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.room import Amount, room_beside, room_of

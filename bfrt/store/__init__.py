@@ -9,6 +9,8 @@
     GroupWriter     Extent: bounds, outliers
         │ blocks in the order of the objects
     StreamWriter    a column a file; HierarchyWriter: levels of merged boxes
+        │ complete files, and facts
+    WrittenGroup    levels over streams, or their order (ordering)
         │ bytes
     FileWriter      length and checksum, for the header
 

@@ -15,6 +15,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from bfrt.errors import SettingError
 from bfrt.paths import without_links
 from bfrt.refusals import calling, refused
 from bfrt.streams.atomic_write import sync_folder
@@ -41,6 +42,10 @@ class AtomicFolder:
         Its name. A link is followed: its target is replaced, not the link.
     durable : bool
         Whether it outlives a loss of power once it has its name.
+    kept : Path, optional
+        Where it is written to, in place of a temporary name: a folder of the caller's, in the same
+        file system, which may have a part of it already. It is left there where the work ends
+        early.
 
     Attributes
     ----------
@@ -48,9 +53,10 @@ class AtomicFolder:
         The name without links.
     """
 
-    def __init__(self, path: Path, durable: bool) -> None:
+    def __init__(self, path: Path, durable: bool, kept: Path | None = None) -> None:
         self.path = path
         self.durable = durable
+        self._kept = kept
         self.target = without_links(path)
         self._own: Owned | None = None
 
@@ -75,7 +81,16 @@ class AtomicFolder:
         with calling(self.target, "creating"):
             self.target.parent.mkdir(parents=True, exist_ok=True)
             sweep(self.target.parent)
-            self._own = create_folder(self.target)
+            if self._kept is None:
+                self._own = create_folder(self.target)
+                return
+            self._own = _taken(self._kept)
+            place, found = self.target.parent, self._kept.stat().st_dev
+            if found != place.stat().st_dev:
+                raise SettingError(
+                    f"{self._kept.parent}: found another file system than that of {place}, "
+                    "expected the same: the store gets its name by a rename"
+                )
 
     def sync(self) -> None:
         """Make the entries of all its folders durable, where that is wanted."""
@@ -148,8 +163,21 @@ class AtomicFolder:
         """Remove what was written aside; where none has the name, both halves are kept for it."""
         if self._own is None:
             return
-        if os.path.lexists(self.old) and not os.path.lexists(self.target):
+        halves = os.path.lexists(self.old) and not os.path.lexists(self.target)
+        if halves or self._kept is not None:
             self._own.release()
         else:
             remove_folder(self.old)
             self._own.remove()
+
+
+def _taken(folder: Path) -> Owned:
+    """Create a folder unless it is there, and lock it, whose name only its owner knows of."""
+    folder.mkdir(exist_ok=True)
+    owned = Owned(folder, look_at(folder, FOLDER))
+    try:
+        lock(owned.descriptor)
+    except BaseException:
+        owned.release()
+        raise
+    return owned

@@ -5,28 +5,24 @@ A block is prepared first, which any thread may do, and then added, in the order
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, ShortReadError
+from bfrt.errors import SceneError
 from bfrt.ids import object_id, stream_number
-from bfrt.records import BOX_BYTES, SCALARS, Kind
+from bfrt.records import Kind
 from bfrt.refusals import refused
 from bfrt.store._bounds import bound
 from bfrt.store.extent import Extent
 from bfrt.store.header import facts_of
-from bfrt.store.hierarchy import Boxes, Hierarchy, HierarchyWriter, Level
+from bfrt.store.hierarchy import HierarchyWriter
 from bfrt.store.locality import Locality
-from bfrt.store.material_column import READ_BACK_AT_ONCE, MaterialColumn
+from bfrt.store.material_column import MaterialColumn
 from bfrt.store.model import Vector
-from bfrt.store.ordering.given import GivenFiles
-from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.streams.writer import FileWriter
-from bfrt.workers import ahead, usable_threads
 
 
 class Prepared(NamedTuple):
@@ -88,7 +84,7 @@ class StreamWriter:
             raise refused(folder, 0, error, "creating") from error
         self.group = group
         self.kind = kind
-        self._folder = folder
+        self.folder = folder
         self._durable = durable
         self.wide = wide
         self.count = self.degenerate = self.vertices = self.largest = 0
@@ -148,40 +144,6 @@ class StreamWriter:
         self.vertices = int(ends[-1]) if len(ends) else self.vertices
         self.largest = max(self.largest, int(counts.max(initial=0)))
 
-    def expect(self, count: int, surface: float, settings: Hierarchy) -> None:
-        """Make the first level as the objects come, of which there will be `count`, 1 or more."""
-        self.hierarchy = self._hierarchy_writer(settings, surface)
-        self.hierarchy.begin(count)
-
-    def make_levels(self, settings: Hierarchy, surface: float, origin: Vector) -> list[Level]:
-        """Make the levels of the hierarchy that are missing, from the complete files."""
-        if self.hierarchy is None:
-            self.hierarchy = self._hierarchy_writer(settings, surface)
-        self.hierarchy.complete(self._boxes(origin), self.count)
-        return self.hierarchy.levels
-
-    def given(self, origin: Vector) -> GivenFiles:
-        """Describe the complete files."""
-        materials = self.materials
-        layout = Layout(
-            self.kind, self.wide, origin, id_bytes_of(self.count), materials.bytes, materials.first
-        )
-        records = self.vertices if self.kind.counted else self.count
-        return GivenFiles(self._folder, layout, self.count, records)
-
-    def _hierarchy_writer(self, settings: Hierarchy, surface: float) -> HierarchyWriter:
-        """Return the hierarchy's writer; spheres' boxes are not quantised: records are as small."""
-        quantised = settings.bits > 0 and self.kind.boxed
-        return HierarchyWriter(
-            self._folder, settings, surface, durable=self._durable, quantised=quantised
-        )
-
-    def _boxes(self, origin: Vector) -> Boxes:
-        """Yield the boxes of the complete stream, block by block."""
-        if self.kind.boxed:
-            return file_boxes(self.files["boxes"].path)
-        return sphere_boxes(self.files["geometry"].path, self.wide, origin)
-
     def close(self) -> dict[str, Any]:
         """Make the files durable; return the stream's part of the header, without levels."""
         files = {}
@@ -214,34 +176,3 @@ class StreamWriter:
         self.materials.abandon()
         if self.hierarchy is not None:
             self.hierarchy.abandon()
-
-
-def file_boxes(path: Path) -> Iterator[NDArray[np.float32]]:
-    """Yield the boxes of a complete file of boxes, block by block."""
-    for block in _blocks(path, BOX_BYTES):
-        yield np.frombuffer(block, "<f4").reshape(-1, 6)
-
-
-def sphere_boxes(path: Path, wide: bool, origin: Vector) -> Iterator[NDArray[np.float32]]:
-    """Yield the boxes of a complete file of spheres, computed again, on all cores."""
-    scalar = "<f8" if wide else "<f4"
-
-    def boxes(block: bytes) -> NDArray[np.float32]:
-        records = np.frombuffer(block, scalar).reshape(-1, SCALARS[Kind.SPHERE])
-        none = np.zeros(len(records), np.uint32)
-        return prepare(Kind.SPHERE, records, none, none, origin).boxes
-
-    blocks = _blocks(path, SCALARS[Kind.SPHERE] * int(scalar[2]))
-    yield from ahead(boxes, blocks, usable_threads())
-
-
-def _blocks(path: Path, size: int) -> Iterator[bytes]:
-    """Yield a file's records of `size` bytes, up to READ_BACK_AT_ONCE of them at a time."""
-    try:
-        with path.open("rb") as file:
-            while block := file.read(READ_BACK_AT_ONCE * size):
-                if len(block) % size:
-                    raise ShortReadError(path, file.tell() - len(block) % size, size, len(block))
-                yield block
-    except OSError as error:
-        raise refused(path, 0, error, "reading") from error

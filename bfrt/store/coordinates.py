@@ -52,6 +52,11 @@ class Coordinates:
         """Return the origin, zero where nothing has decided it."""
         return self._origin or (0.0, 0.0, 0.0)
 
+    @property
+    def decided(self) -> Vector | None:
+        """Return the origin, if it was given or a block has decided it."""
+        return self._origin
+
     def decide_origin(self, records: NDArray[Any]) -> Vector:
         """Return the origin, which is decided by `records` if they are the first block."""
         if self._origin is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,26 @@ READ_BACK_AT_ONCE = 65536
 class MaterialColumn:
     """Writes a stream's materials in the smallest integers that fit; nothing for a single one."""
 
-    def __init__(self, folder: Path, durable: bool) -> None:
+    def __init__(self, folder: Path, durable: bool, saved: dict[str, Any] | None = None) -> None:
         self._path = folder / "materials"
         self._durable = durable
         self._file: FileWriter | None = None
         self._count = 0
         self.first = 0
         self.bytes = 0
+        if saved is not None:
+            self._count, self.first, self.bytes = saved["count"], saved["first"], saved["width"]
+        if saved is not None and self.bytes:
+            behind = saved["bytes"], saved["crc32"]
+            self._file = FileWriter(self._path.with_suffix(f".{self.bytes}"), durable, behind)
+
+    def saved(self) -> dict[str, Any]:
+        """Have all on the disk; return what brings the column back to here, for JSON."""
+        facts = {"count": self._count, "first": self.first, "width": self.bytes}
+        if self._file is None:
+            return {**facts, "bytes": 0, "crc32": 0}
+        self._file.sync()
+        return {**facts, "bytes": self._file.bytes, "crc32": self._file.checksum}
 
     def append(self, materials: NDArray[np.uint32]) -> None:
         if self._count == 0 and len(materials):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,26 @@ from bfrt.streams.writer import FileWriter
 
 #: Distinct materials that are remembered, so that a repeated one is stored once.
 REMEMBERED = 65536
+
+
+#: Numbers of a material that tell it from others.
+KEY_NUMBERS = 8
+
+
+class SavedPalette(NamedTuple):
+    """Holds what a palette's writer has in memory.
+
+    Attributes
+    ----------
+    bytes, crc32 : int
+        Length and checksum of the file.
+    keys : (n, KEY_NUMBERS) float64
+        The materials that are remembered, the latest last.
+    """
+
+    bytes: int
+    crc32: int
+    keys: NDArray[np.float64]
 
 
 def record_of(material: Material) -> NDArray[Any]:
@@ -53,10 +73,23 @@ class PaletteWriter:
         Number of materials so far.
     """
 
-    def __init__(self, path: Path, durable: bool) -> None:
+    def __init__(self, path: Path, durable: bool, saved: SavedPalette | None = None) -> None:
         self.count = 0
         self._remembered: OrderedDict[bytes, int] = OrderedDict()
-        self._file = FileWriter(path, durable)
+        behind = None
+        if saved is not None:
+            self.count = saved.bytes // MATERIAL.itemsize
+            # They were added one after another, and none but the oldest has been forgotten.
+            first = self.count - len(saved.keys)
+            self._remembered.update((key.tobytes(), first + k) for k, key in enumerate(saved.keys))
+            behind = (saved.bytes, saved.crc32)
+        self._file = FileWriter(path, durable, behind)
+
+    def saved(self) -> SavedPalette:
+        """Have all materials so far on the disk; return what brings the writer back to here."""
+        self._file.sync()
+        keys = np.frombuffer(b"".join(self._remembered), np.float64).reshape(-1, KEY_NUMBERS)
+        return SavedPalette(self._file.bytes, self._file.checksum, keys)
 
     def find(self, material: Material) -> int | None:
         """Return the index of a material that equals one of the last `REMEMBERED`, or None."""

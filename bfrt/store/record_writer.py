@@ -11,13 +11,13 @@ import functools
 import operator
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SettingError
-from bfrt.progress import DoneReport, Passes, staged
+from bfrt.progress import DoneReport
 from bfrt.records import KIND_BITS, STREAM_BITS, Kind
 from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
@@ -25,17 +25,37 @@ from bfrt.store.columns import Prepared, prepare
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.extent import Bounds, check_extent
 from bfrt.store.given import records_of, vertices_of
-from bfrt.store.group import GroupWriter, Making, Order, checked_order
+from bfrt.store.group import GroupWriter
 from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.model import Material
-from bfrt.store.palette import PaletteWriter, record_of
+from bfrt.store.making import Making, Order, checked_order
+from bfrt.store.model import Material, Vector
+from bfrt.store.palette import PaletteWriter, SavedPalette, record_of
 from bfrt.store.store import PALETTE, bounds_to
+from bfrt.store.written import WrittenGroup, make_all
+from bfrt.streams.atomic_write import sync_folder
 
 #: Groups of a store: their streams have numbers of 16 bits.
 MOST_GROUPS = 1 << STREAM_BITS - KIND_BITS
 
 #: Objects whose boxes are worked out at once: what bounds memory beside the caller's block.
 BOXES_AT_ONCE = 65536
+
+
+class SavedRecords(NamedTuple):
+    """Holds what a writer has in memory when all groups it has begun are complete.
+
+    Attributes
+    ----------
+    origin : tuple of 3 float, optional
+        Where it is decided.
+    palette : SavedPalette
+    groups : list of dict
+        The facts of each (`WrittenGroup.facts`).
+    """
+
+    origin: Vector | None
+    palette: SavedPalette
+    groups: list[dict[str, Any]]
 
 
 class RecordWriter:
@@ -51,6 +71,8 @@ class RecordWriter:
         Settings of the box hierarchy.
     order : {"given", "spatial", "auto"}
         The order in which objects are stored.
+    saved : SavedRecords, optional
+        What to go on from; the files are in the folder.
     """
 
     def __init__(
@@ -59,16 +81,22 @@ class RecordWriter:
         coordinates: Coordinates,
         hierarchy: Hierarchy,
         order: Order,
+        saved: SavedRecords | None = None,
     ) -> None:
         self._folder = folder
         self._coordinates = coordinates
         self._making = Making(hierarchy, checked_order(order), folder.durable)
-        self._groups: list[GroupWriter] = []
+        self._groups: list[GroupWriter | WrittenGroup] = []
         self._open = True
         try:
             folder.create()
-            self._group(0)
-            self._palette = PaletteWriter(folder.aside / PALETTE, folder.durable)
+            for number, facts in enumerate(saved.groups if saved else ()):
+                path = folder.aside / str(number)
+                self._groups.append(WrittenGroup.restored(path, number, self._making, facts))
+            if not self._groups:
+                self._group(0)
+            palette = saved.palette if saved else None
+            self._palette = PaletteWriter(folder.aside / PALETTE, folder.durable, palette)
         except BaseException:
             folder.abandon()
             raise
@@ -93,7 +121,7 @@ class RecordWriter:
         SettingError
             If objects were added already.
         """
-        self._groups[0].expect(counts, surface)
+        self._group(0).expect(counts, surface)
 
     def material(self, material: Material) -> int:
         """Add a material to the palette; return its index.
@@ -230,7 +258,7 @@ class RecordWriter:
         """
         self._check_group(group)
         origin = self._coordinates.decide_origin(records)
-        streams = self._groups[group].streams if group < len(self._groups) else {}
+        streams = self._group(group).streams if group < len(self._groups) else {}
         stream_wide = streams[kind].wide if kind in streams else None
         data = self._coordinates.stored(kind, records, stream_wide)
         return prepare(kind, data, counts, materials, origin, group)
@@ -265,12 +293,21 @@ class RecordWriter:
             raise SettingError(f"group: found {group}, expected fewer than {MOST_GROUPS}")
 
     def _group(self, number: int) -> GroupWriter:
-        """Return a group's writer, made if the group is new."""
+        """Return a group's writer, made if the group is new.
+
+        Raises
+        ------
+        SettingError
+            If the group is complete.
+        """
         if number == len(self._groups):
             path = self._folder.aside / str(number)
             made = GroupWriter(path, number, self._making)
             self._groups.append(made)
-        return self._groups[number]
+        writer = self._groups[number]
+        if isinstance(writer, WrittenGroup):
+            raise SettingError(f"group: found {number}, which is complete, expected a later one")
+        return writer
 
     def _material_indices(self, materials: ArrayLike | None, n: int) -> NDArray[np.uint32]:
         """Return the material of each of n objects; None is a plain one for all."""
@@ -278,15 +315,49 @@ class RecordWriter:
             return np.full(n, self.material(Material()), np.uint32)
         return self._palette.indices_of(materials, n)
 
+    def complete_group(self, number: int) -> None:
+        """Complete the files of a group, if it is begun: it gets no more objects."""
+        group = self._groups[number] if number < len(self._groups) else None
+        if isinstance(group, GroupWriter):
+            with self._writing():
+                self._groups[number] = group.close(self._coordinates.origin)
+
+    def saved(self) -> SavedRecords:
+        """Return what brings a writer back to here, when all groups so far are complete.
+
+        All files are on the disk then.
+        """
+        palette = self._palette.saved()
+        for group in self._written:
+            group.sync()
+        sync_folder(self._folder.aside)
+        groups = [group.facts for group in self._written]
+        return SavedRecords(self._coordinates.decided, palette, groups)
+
+    @property
+    def _written(self) -> list[WrittenGroup]:
+        """Return the groups that are complete."""
+        return [group for group in self._groups if isinstance(group, WrittenGroup)]
+
+    @property
+    def hierarchy_seconds(self) -> float:
+        """Return what levels and order have taken."""
+        return sum(group.hierarchy_seconds for group in self._written)
+
+    def _may_settle(self, last: bool) -> bool:
+        """Tell whether files as given may go, now that there are those in order."""
+        return True
+
     def _close(self, progress: DoneReport | None) -> dict[str, Any]:
         """Complete all files of groups and palette; return what the header says of them."""
         origin = self._coordinates.origin
+        for number in range(len(self._groups)):
+            self.complete_group(number)
         self._palette.forget()
-        unordered = sum(group.unordered for group in self._groups)
-        passes = Passes(staged(progress, "ordering", unordered) if unordered else None)
-        groups = [group.close(origin, passes) for group in self._groups]
+        make_all(self._written, origin, progress, self._may_settle)
+        groups = [group.header() for group in self._written]
         palette = self._palette.close()
-        bounds = functools.reduce(Bounds.union, [group.bounds for group in self._groups])
+        bounds = functools.reduce(Bounds.union, [group.bounds for group in self._written])
         check_extent(bounds, origin)
         return {
             "origin": origin,
@@ -315,6 +386,7 @@ class RecordWriter:
         """Give up: remove everything written so far."""
         self._open = False
         for group in self._groups:
-            group.abandon()
+            if isinstance(group, GroupWriter):
+                group.abandon()
         self._palette.abandon()
         self._folder.abandon()

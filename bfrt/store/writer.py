@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import os
-from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -23,13 +22,13 @@ from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
-from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of, triple_of
-from bfrt.store.group import Order
+from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of
 from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.model import Camera, Light, Vector
+from bfrt.store.making import Order
 from bfrt.store.record_writer import RecordWriter
 from bfrt.store.store import MADE, VERSION, Store, has_magic, open_store
+from bfrt.store.view_writer import ViewWriter
 from bfrt.streams.writer import FileWriter
 
 if TYPE_CHECKING:
@@ -55,7 +54,7 @@ def check_new_store(path: str | os.PathLike[str]) -> Path:
     return given
 
 
-class StoreWriter(RecordWriter):
+class StoreWriter(ViewWriter, RecordWriter):
     """Writes a scene store, block by block.
 
     Parameters
@@ -110,64 +109,8 @@ class StoreWriter(RecordWriter):
         self.path = check_new_store(path)
         coordinates = Coordinates(dtype, origin)
         folder = AtomicFolder(self.path, durable)
-        self._camera: Camera | None = None
-        self._lights: list[Light] = []
-        self._background: Vector = (0.0, 0.0, 0.0)
-        super().__init__(folder, coordinates, hierarchy or Hierarchy(), order)
-
-    def camera(self, camera: Camera) -> None:
-        """Set the view that is rendered where the caller gives no other.
-
-        Parameters
-        ----------
-        camera : Camera
-            In world coordinates. A second call replaces the first.
-
-        Raises
-        ------
-        SceneError
-            If a vector is not three finite numbers, or a value is out of range.
-        """
-        self._camera = Camera(
-            triple_of("eye", camera.eye),
-            triple_of("at", camera.at),
-            triple_of("up", camera.up),
-            float(camera.angle),
-            float(camera.hither),
-            (int(camera.resolution[0]), int(camera.resolution[1])),
-        )
-
-    def light(self, light: Light) -> None:
-        """Add a point light.
-
-        Parameters
-        ----------
-        light : Light
-            Position in world coordinates, and relative color.
-
-        Raises
-        ------
-        SceneError
-            If position or color are not three finite numbers.
-        """
-        self._lights.append(
-            Light(triple_of("light", light.position), triple_of("color of a light", light.color))
-        )
-
-    def background(self, color: Vector) -> None:
-        """Set the color of rays that meet nothing.
-
-        Parameters
-        ----------
-        color : (3,) array_like
-            Linear RGB. A scene without a call has black, (0, 0, 0).
-
-        Raises
-        ------
-        SceneError
-            If the color is not three finite numbers.
-        """
-        self._background = triple_of("background", color)
+        ViewWriter.__init__(self)
+        RecordWriter.__init__(self, folder, coordinates, hierarchy or Hierarchy(), order)
 
     def spheres(
         self,
@@ -356,13 +299,14 @@ class StoreWriter(RecordWriter):
                 self._put(HEADER, self._header(progress))
                 self._folder.sync()
                 made = open_store(self._folder.aside)  # what replaces a store is whole
+                self._is_whole()
                 with made.folder.closed_on_error():
                     self._folder.take_name()
         except BaseException:
             self.abandon()
             raise
         self._open = False
-        degenerate = sum(s.degenerate for g in self._groups for s in g.streams.values())
+        degenerate = sum(s.degenerate for s in made.streams)
         if degenerate:
             told = "%s: %d degenerate objects (no length, no area) are kept and never hit"
             log.warning(told, self.path, degenerate)
@@ -371,15 +315,16 @@ class StoreWriter(RecordWriter):
     def _header(self, progress: DoneReport | None = None) -> dict[str, Any]:
         """Complete all other files; return what the header says."""
         records = self._close(progress)
-        self._put(MADE, {"hierarchy_seconds": sum(g.hierarchy_seconds for g in self._groups)})
+        self._put(MADE, {"hierarchy_seconds": self.hierarchy_seconds})
         return {
             "magic": MAGIC,
             "version": VERSION,
-            "camera": None if self._camera is None else asdict(self._camera),
-            "lights": self._lights,
-            "background": self._background,
+            **self.view,
             **records,
         }
+
+    def _is_whole(self) -> None:
+        """Note that the store has all but its name."""
 
     def _put(self, name: str, fields: dict[str, Any]) -> None:
         with FileWriter(self._folder.aside / name, self._folder.durable) as file:

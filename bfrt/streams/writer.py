@@ -31,6 +31,10 @@ KEPT_BYTES = 1 << 18
 #: Bytes of a durable file after which it is synced on the way.
 SYNCED_BYTES = 1 << 25
 
+#: How a new file is opened, and one that goes on, which is no link.
+CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+GO_ON = os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0)
+
 #: Threads that write, and that sync, for all files.
 WRITERS = Threads(2, "bfrt-write")
 SYNCERS = Threads(2, "bfrt-sync")
@@ -64,23 +68,42 @@ class FileWriter:
     """Writes a new file, with its length and CRC-32; a `durable` one is fsynced at the end.
 
     What the system refuses is raised by a later `write`, or by `close`.
+
+    Parameters
+    ----------
+    path : Path
+    durable : bool
+    behind : tuple of 2 int, optional
+        Length and CRC-32 of what a file has already, behind which it goes on; what is behind that
+        is cut off.
     """
 
-    def __init__(self, path: Path, durable: bool = True) -> None:
+    def __init__(
+        self, path: Path, durable: bool = True, behind: tuple[int, int] | None = None
+    ) -> None:
         self.path = path
-        self.bytes = 0
-        self.checksum = 0
+        self.bytes, self.checksum = behind or (0, 0)
         self._durable = durable
-        self._written = 0
+        self._written = self.bytes
         self._filled = 0
         self._unsynced = 0
         self._pending: Future[None] | None = None
         self._syncing: Future[None] | None = None
         self._buffers = [buffer_of(BUFFER_BYTES), buffer_of(BUFFER_BYTES)]
+        with calling(path, "creating" if behind is None else "opening"):
+            self._fd = os.open(path, GO_ON if behind else CREATE, 0o666)
+        if behind is not None:
+            self._cut()
+
+    def _cut(self) -> None:
+        """Have the file end where it goes on."""
         try:
-            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        except OSError as error:
-            raise refused(path, 0, error, "creating") from error
+            with calling(self.path, "cutting", self.bytes):
+                os.ftruncate(self._fd, self.bytes)
+                os.lseek(self._fd, 0, os.SEEK_END)
+        except BaseException:
+            self.abandon()
+            raise
 
     def write(self, data: Data, *, kept: bool = False) -> None:
         """Append `data` (C-contiguous); without a copy if the caller has `kept` it unchanged."""
@@ -124,6 +147,14 @@ class FileWriter:
     def _sync(self) -> None:
         with calling(self.path, "syncing", self._written):
             os.fsync(self._fd)
+
+    def sync(self) -> None:
+        """Have all that was written so far on the disk, and go on; a closed file is there."""
+        if self._fd < 0:
+            return
+        self._flush()
+        self._wait()
+        self._sync()
 
     def _wait(self) -> None:
         pending, self._pending = self._pending, None

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
-import time
+from functools import partial
 
 import numpy as np
 import pytest
 from checkpoints import mostly_slow, scene_of
+from kills import kills, run
 
 import bfrt
 
@@ -50,61 +50,20 @@ def work_of(stores, what, folder):
     ], out  # fmt: skip
 
 
-def run(command, folder, seconds=None):
-    """Run a command in a folder of its own; kill it after some seconds. Return its status."""
-    with subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        if seconds is not None:
-            time.sleep(seconds)
-            process.send_signal(signal.SIGKILL)
-        _, said = process.communicate()
-    assert process.returncode in (0, -signal.SIGKILL), said
-    return process.returncode, said
-
-
-def contents(path):
-    files = sorted(path.rglob("*")) if path.is_dir() else [path]
-    return {file.name: file.read_bytes() for file in files}
-
-
-def kills(stores, what, folder, count, rng):
-    """Do the work, killed so many times, at moments spread over the time that is left of it."""
-    folder.mkdir()
-    (folder / "plain").mkdir()
-    command, made = work_of(stores, what, folder / "plain")
-    start = time.perf_counter()
-    assert run(command, folder)[0] == 0
-    whole = time.perf_counter() - start
-    expected = contents(made)
-    killed = went_on = 0
-    command, made = work_of(stores, what, folder)
-    while killed < count:
-        status, said = run(command, folder, rng.uniform(0.2, 1.0) * whole)
-        killed += status != 0
-        went_on += "goes on where it was left" in said
-        if status == 0:
-            assert contents(made) == expected
-    status, said = run(command, folder)
-    went_on += "goes on where it was left" in said
-    assert status == 0
-    assert contents(made) == expected
-    assert not (folder / "kept").exists()
-    return went_on
-
-
 WORK = ("render sgb", "render tree", "query sgb")
 
 
 @pytest.mark.parametrize("what", mostly_slow(WORK, ["render tree", "query sgb"]))
 def test_three_kills(stores, tmp_path, what):
-    kills(stores, what, tmp_path / "work", 3, np.random.default_rng(len(what)))
+    kills(partial(work_of, stores, what), tmp_path / "work", 3, np.random.default_rng(len(what)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("what", ["render base", "render sg", *WORK, "query base", "query tree"])
 def test_a_hundred_kills(stores, tmp_path, what):
-    went_on = kills(stores, what, tmp_path / "work", 100, np.random.default_rng(len(what)))
+    went_on = kills(
+        partial(work_of, stores, what), tmp_path / "work", 100, np.random.default_rng(len(what))
+    )
     assert went_on > 0 or what.startswith("query")
 
 

@@ -14,14 +14,9 @@ from hypothesis import strategies as st
 from bfrt.errors import ShortReadError, StoreError, StreamError
 from bfrt.grid._coding import MOST_CODED, decode, encode
 from bfrt.grid.bricks import BRICK_BYTES
-from bfrt.grid.marks import (
-    HEADER,
-    Layout,
-    open_marks,
-    verify_marks,
-    writing_marks,
-)
+from bfrt.grid.marks import open_marks, verify_marks, writing_marks
 from bfrt.grid.marks_home import marks_path
+from bfrt.grid.marks_layout import HEADER, Layout
 from bfrt.store.writer import StoreWriter
 from bfrt.streams.reader import Reader, SharedFile
 

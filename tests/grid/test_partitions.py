@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scenes import units
 
-from bfrt.grid.marks import Layout
 from bfrt.grid.marks_home import marks_path
+from bfrt.grid.marks_layout import Layout
 from bfrt.grid.partition import Limits, cut, partition, resolution, uppers_of
 from bfrt.reference import exhaustive
 from bfrt.reference.independent import Objects

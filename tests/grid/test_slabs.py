@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.grid.bricks import BRICK, BRICK_BYTES, pack
-from bfrt.grid.marks import bricks_of
+from bfrt.grid.marks_layout import bricks_of
 from bfrt.grid.partition import subspaces
 from bfrt.grid.slabs import cuts_of, table_of
 

@@ -19,7 +19,7 @@ from scenes import random_objects
 
 import bfrt
 from bfrt.errors import BfrtError, StoreError
-from bfrt.grid.marks import CRC, HEADER
+from bfrt.grid.marks_layout import CRC, HEADER
 from bfrt.records import Kind
 from bfrt.store.header import header_text
 

@@ -15,8 +15,9 @@ from scenes import random_objects
 
 import bfrt
 from bfrt.errors import StoreError, StreamError
-from bfrt.grid.marks import Layout, writing_marks
+from bfrt.grid.marks import writing_marks
 from bfrt.grid.marks_home import marks_path
+from bfrt.grid.marks_layout import Layout
 from bfrt.ids import object_id
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store.header import header_text

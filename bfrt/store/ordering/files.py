@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import BOX_BYTES, NODE_BYTES, OFFSET_BYTES
-from bfrt.refusals import calling, refused
+from bfrt.records import BOX_BYTES, NODE_BYTES, OFFSET_BYTES, Kind
+from bfrt.refusals import calling
 from bfrt.store.header import facts_of
 from bfrt.store.material_column import MaterialColumn
+from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.windows import OrderedWindow
 from bfrt.streams.removal import remove_folder
 from bfrt.streams.writer import FileWriter
+
+#: What is counted on the way, by its name in what is saved.
+COUNTS = ("done", "vertices", "treelets", "nodes", "treelet_bytes")
+
+
+def ordered_names(kind: Kind) -> list[str]:
+    """Return the names of the files of a stream in order, but for that of materials."""
+    names = ["geometry", "ids", "nodes", "treelets"]
+    return [*names, "offsets", "boxes"] if kind.counted else names
 
 
 class OrderedFiles:
@@ -29,33 +40,42 @@ class OrderedFiles:
     count : int
         Objects that will come.
     durable : bool
+    saved : dict, optional
+        What `saved` has returned: the files are there, and go on behind that.
 
     Attributes
     ----------
+    done : int
+        Objects so far.
     treelets, nodes : int
         Numbers of them.
     treelet_bytes : int
         Bytes of the largest treelet.
     """
 
-    def __init__(self, folder: Path, layout: Layout, count: int, durable: bool) -> None:
-        try:
-            folder.mkdir()
-        except OSError as error:
-            raise refused(folder, 0, error, "creating") from error
-        self.treelets = self.nodes = self.treelet_bytes = 0
+    def __init__(
+        self, folder: Path, layout: Layout, count: int, durable: bool,
+        saved: dict[str, Any] | None = None,
+    ) -> None:  # fmt: skip
+        if saved is None:
+            with calling(folder, "creating"):
+                folder.mkdir()
+        before = dict.fromkeys(COUNTS, 0) if saved is None else saved
+        self.done: int = before["done"]
+        self.treelets: int = before["treelets"]
+        self.nodes: int = before["nodes"]
+        self.treelet_bytes: int = before["treelet_bytes"]
+        self._vertices: int = before["vertices"]
         self._layout = layout
         self.folder = folder
         self.id_bytes = id_bytes_of(count)
-        self._done = self._vertices = 0
-        self._materials = MaterialColumn(folder, durable)
+        self._materials = MaterialColumn(folder, durable, saved and saved["materials"])
         self._files: dict[str, FileWriter] = {}
-        names = ["geometry", "ids", "nodes", "treelets"]
-        if layout.kind.counted:
-            names += ["offsets", "boxes"]
         try:
-            for name in names:
-                self._files[name] = FileWriter(folder / name, durable)
+            for name in ordered_names(layout.kind):
+                facts = saved and saved["files"][name]
+                behind = facts and (facts["bytes"], facts["crc32"])
+                self._files[name] = FileWriter(folder / name, durable, behind or None)
         except BaseException:
             self.abandon()
             raise
@@ -74,13 +94,31 @@ class OrderedFiles:
         treelets = window.treelets
         sizes = treelet_sizes(window, self._layout)
         self.treelet_bytes = max(self.treelet_bytes, int(sizes.max(initial=0)))
-        treelets["first"] += self._done
+        treelets["first"] += self.done
         treelets["node"] += self.nodes
         files["treelets"].write(treelets)
         files["nodes"].write(window.nodes, kept=True)
-        self._done += objects.number
+        self.done += objects.number
         self.nodes += len(window.nodes)
         self.treelets += len(treelets)
+
+    def saved(self) -> dict[str, Any]:
+        """Have all on the disk; return what brings the files back to here, for JSON."""
+        for file in self._files.values():
+            file.sync()
+        counts = (self.done, self._vertices, self.treelets, self.nodes, self.treelet_bytes)
+        return {
+            **dict(zip(COUNTS, counts, strict=True)),
+            "files": {name: facts_of(file) for name, file in self._files.items()},
+            "materials": self._materials.saved(),
+        }
+
+    def boxes(self) -> Iterator[NDArray[np.float32]]:
+        """Yield the boxes of all objects so far, in their order, from the disk."""
+        layout, records = self._layout, self._vertices if self._layout.kind.counted else self.done
+        plain = layout._replace(material_bytes=0)
+        for some in GivenFiles(self.folder, plain, self.done, records).blocks():
+            yield some.boxes(layout)
 
     def close(self) -> dict[str, Any]:
         """Make the files durable; return what the header says of them."""
@@ -120,6 +158,11 @@ def treelet_sizes(window: OrderedWindow, layout: Layout) -> NDArray[np.int64]:
     first = treelets["first"].astype(np.int64)
     records: NDArray[np.int64] = ends[first + count] - ends[first]
     return nodes + count * (BOX_BYTES + OFFSET_BYTES) + 8 + records * layout.stride
+
+
+def ordered_folder(folder: Path) -> Path:
+    """Return where the files of a stream's folder are brought into order."""
+    return folder.with_name(f"{folder.name}.ordered")
 
 
 def replace_folder(folder: Path, other: Path) -> None:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.progress import Passes
 from bfrt.store.extent import Bounds
-from bfrt.store.ordering.files import OrderedFiles, replace_folder
+from bfrt.store.ordering.files import OrderedFiles, ordered_folder
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Objects
 from bfrt.store.ordering.parts import WINDOW, Means, Source, as_they_come, by_place
@@ -21,6 +21,24 @@ from bfrt.streams.free import check_free
 from bfrt.workers import usable_threads
 
 Places = NDArray[np.int64]
+
+
+class Keeping(NamedTuple):
+    """Says how files in order are kept while they are made.
+
+    Attributes
+    ----------
+    durable : bool
+        Whether they outlive a loss of power.
+    saved : dict, optional
+        What `Ordering.saved` has returned, to go on from.
+    between : callable
+        Called when a window is written, and what it was made of counted.
+    """
+
+    durable: bool
+    saved: dict[str, Any] | None
+    between: Callable[[], object]
 
 
 class Ordering:
@@ -38,7 +56,7 @@ class Ordering:
         Counts objects as they go through.
     local : bool
         Whether objects that follow each other are near each other as they are.
-    durable : bool
+    keeping : Keeping
 
     Attributes
     ----------
@@ -48,17 +66,24 @@ class Ordering:
 
     def __init__(
         self, given: GivenFiles, around: Bounds, asked: Places, passes: Passes, *, local: bool,
-        durable: bool,
+        keeping: Keeping,
     ) -> None:  # fmt: skip
         self.places = np.full(len(asked), -1, np.int64)
+        saved = keeping.saved
+        if saved is not None:
+            self.places[:] = saved["places"]
+        self._between = keeping.between
         self._asked = asked
         self._given = given
         self._local = local
         self._passes = passes
         self._source = Source(given.layout, self._blocks, around)
-        check_free(given.folder, room_beside([given.room(local)]), "ordering with")
-        folder = given.folder.with_name(f"{given.folder.name}.ordered")
-        self._files = OrderedFiles(folder, given.layout, given.objects, durable)
+        there = sum(f["bytes"] for f in saved["files"]["files"].values()) if saved else 0
+        check_free(given.folder, room_beside([given.room(local)]) - there, "ordering with")
+        folder = ordered_folder(given.folder)
+        self._files = OrderedFiles(
+            folder, given.layout, given.objects, keeping.durable, saved and saved["files"]
+        )
         self.folder = folder
 
     def boxes(self) -> Generator[NDArray[np.float32], None, None]:
@@ -68,17 +93,19 @@ class Ordering:
         passes.begin(self._given.objects, 2 if self._local else 3)
         means = Means(self._given.folder.parent, usable_threads(), WINDOW)
         way = as_they_come if self._local else by_place
-        done = 0
+        if self._files.done:
+            yield from self._files.boxes()
+        passes.add(self._files.done)
         with (
             closing(way(self._source, means)) as windows,
-            closing(ordered(windows, layout, means.threads)) as made,
+            closing(ordered(behind(windows, self._files.done), layout, means.threads)) as made,
         ):
             for window in made:
-                self._look(window.objects.ids, done)
+                self._look(window.objects.ids, self._files.done)
                 self._files.append(window)
-                done += window.objects.number
                 passes.add(window.objects.number)
                 yield window.boxes
+                self._between()
         passes.end()
 
     def _blocks(self) -> Iterator[Objects]:
@@ -96,12 +123,23 @@ class Ordering:
         )
         self.places[at] = first + those
 
+    def saved(self) -> dict[str, Any]:
+        """Have all windows so far on the disk; return what brings the ordering back to here."""
+        return {"places": self.places.tolist(), "files": self._files.saved()}
+
     def close(self) -> dict[str, Any]:
-        """Complete the files, in place of the given ones; return what the header says of them."""
-        header = self._files.close()
-        replace_folder(self._given.folder, self.folder)
-        return header
+        """Complete the files, beside the given ones; return what the header says of them."""
+        return self._files.close()
 
     def abandon(self) -> None:
         """Give the files up."""
         self._files.abandon()
+
+
+def behind(windows: Iterator[Objects], done: int) -> Iterator[Objects]:
+    """Yield the windows behind the first `done` objects, which are those of whole windows."""
+    passed = 0
+    for window in windows:
+        if passed >= done:
+            yield window
+        passed += window.number
