@@ -6,6 +6,9 @@
     python tests/fuzz/fuzz.py ply --inputs 1000 --engine own --seed 2
     python tests/fuzz/fuzz.py ply findings/ply-0123abcd  # once more, what was found
 
+On the sanitizer build, whose library hides from atheris what has been reached, our own mutator
+starts from what atheris kept with another build (``--corpus``).
+
 It prints a line of JSON: inputs, what came of them, findings. Each finding is a file in ``--keep``;
 where the process dies, the input is the file ``current`` in the folder that is named then.
 """
@@ -28,7 +31,6 @@ import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 sys.path[:1] = [str(Path(__file__).parent.parent)]  # in place of the folder that this is in
 
@@ -98,19 +100,21 @@ class Session:
         )
 
 
-def run_own(session: Session, mutator: Any, asked: argparse.Namespace) -> None:
+def run_own(session: Session, asked: argparse.Namespace) -> None:
     """Try inputs that a seed makes; the n-th is the same whatever came before."""
+    mutator = session.harness.mutator
+    if asked.corpus is not None:
+        mutator.learn(file.read_bytes() for file in sorted(asked.corpus.iterdir()))
     n = asked.first
     while not session.has_enough(asked.inputs, asked.seconds):
         session.try_one(mutator.made(f"{session.name} {asked.seed} {n}"))
         n += 1
 
 
-def run_atheris(
-    session: Session, mutator: Any, asked: argparse.Namespace, end: Callable[[], None]
-) -> None:
+def run_atheris(session: Session, asked: argparse.Namespace, end: Callable[[], None]) -> None:
     """Try inputs that what has been reached makes; it ends the process."""
     atheris = importlib.import_module("atheris")
+    mutator = session.harness.mutator
     corpus = asked.corpus or Path(session.trials.folder) / "corpus"
     corpus.mkdir(parents=True, exist_ok=True)
     for seed in session.harness.seeds:
@@ -145,7 +149,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="the first input of our mutator")
     parser.add_argument("--engine", choices=("atheris", "own"))
     parser.add_argument("--keep", type=Path, default=Path("findings"), help="where findings go")
-    parser.add_argument("--corpus", type=Path, help="where atheris keeps what reaches new code")
+    parser.add_argument(
+        "--corpus", type=Path, help="where atheris keeps what is new, and ours begins"
+    )
     asked = parser.parse_args()
     if asked.engine is None:
         there = importlib.util.find_spec("atheris") is not None
@@ -170,7 +176,6 @@ def main() -> None:
             importlib.import_module("bfrt.api")
             importlib.import_module("fuzz.harnesses")
     session = Session(asked.name, folder, asked.keep.absolute())
-    mutator = session.harness.mutator
     quiet()
 
     def end() -> None:
@@ -182,9 +187,9 @@ def main() -> None:
         for file in asked.files:
             session.try_one(file.read_bytes())
     elif asked.engine == "own":
-        run_own(session, mutator, asked)
+        run_own(session, asked)
     else:
-        run_atheris(session, mutator, asked, end)
+        run_atheris(session, asked, end)
     end()
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import random
 import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from fuzz.packing import packed, unpacked
 
@@ -120,8 +120,12 @@ class Mutator:
     """
 
     def __init__(self, seeds: Sequence[bytes], tokens: Sequence[bytes] = ()) -> None:
-        self._seeds = seeds
+        self._seeds = list(seeds)
         self._tokens = tokens
+
+    def learn(self, inputs: Iterable[bytes]) -> None:
+        """Begin with these inputs too."""
+        self._seeds += inputs
 
     def made(self, key: str) -> bytes:
         """The input of a key: a seed that was changed."""

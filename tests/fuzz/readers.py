@@ -70,7 +70,9 @@ def convert(data: bytes, folder: Path, name: str, settings: Settings) -> None:
 def nff(_: Path) -> Harness:
     text = io.StringIO()
     bfrt.spd.tetra(1).write_nff(text)
-    tokens = b"v from at up angle hither resolution b l f c s p pp # p 3 pp 3 \n \r \x0b".split(b" ")
+    tokens = b"v from at up angle hither resolution b l f c s p pp # p 3 pp 3 \n \r \x0b".split(
+        b" "
+    )
     seeds = [nff_files.SCENE, text.getvalue().encode(), nff_files.VIEW + b"s 1 2 3 4\n"]
     return of_bytes(seeds, (*tokens, b" ", b"p 99999999 "), converting("a.nff", ({},)))
 
@@ -101,7 +103,9 @@ def stl(_: Path) -> Harness:
         stl_files.binary(header=b"solid of bytes"),
     ]  # fmt: skip
     words = b"solid|endsolid|facet normal |outer loop|vertex |endloop|endfacet|\n|\r\n|\x00"
-    return of_bytes(seeds, tuple(words.split(b"|")), converting("a.stl", ({}, {"skip_invalid": True})))
+    return of_bytes(
+        seeds, tuple(words.split(b"|")), converting("a.stl", ({}, {"skip_invalid": True}))
+    )
 
 
 #: An OBJ file and its library.

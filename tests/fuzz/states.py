@@ -140,4 +140,6 @@ def checkpoint(home: Path) -> Harness:
         for files in each
         for how in (SIGNED, SIGNED, 0)
     ]
-    return of_files(seeds, (b"null", b"true", b"-1", b"[]", b"{}", b'"', b"1e999"), run, names, HEAD)
+    return of_files(
+        seeds, (b"null", b"true", b"-1", b"[]", b"{}", b'"', b"1e999"), run, names, HEAD
+    )

@@ -131,6 +131,22 @@ def test_chunks_of_more_points_than_memory_holds(laz, size):
     assert shapes_of(convert(laz, radius=1)) == spheres(places(scan), 1)
 
 
+@pytest.mark.parametrize(("form", "layers"), [(6, 9), (7, 10), (8, 11)])
+@pytest.mark.parametrize("extra", [[], [("mass", "f4")]])
+def test_layers_of_more_bytes_than_their_chunk(laz, form, layers, extra):
+    """lazrs would fill memory for them with zeros: 4 GB for each layer."""
+    scan = write(laz, form, extra=extra)
+    assert shapes_of(convert(laz, radius=1)) == spheres(places(scan), 1)
+    data, begin, _, _ = chunks_of(laz)
+    sizes = begin + 8 + scan.point_format.size + 4
+    for layer in range(layers + 4 * len(extra)):
+        changed = bytearray(data)
+        struct.pack_into("<I", changed, sizes + 4 * layer, 2_000_000_000)
+        laz.write_bytes(changed)
+        said = failure(laz, radius=1)
+        assert said.startswith(f"byte {begin + 8}: found layers of 20000")
+
+
 @pytest.mark.parametrize("table", [0, -5, -(1 << 62), 1 << 40, (1 << 63) - 1])
 def test_a_table_of_chunks_that_is_nowhere(laz, table):
     write(laz)
