@@ -24,7 +24,6 @@ import os
 import random
 import shutil
 import sys
-import tempfile
 import time
 import traceback
 import warnings
@@ -33,9 +32,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 sys.path[:1] = [str(Path(__file__).parent.parent)]  # in place of the folder that this is in
-
-#: Where input and output are: in memory, if the system has such a folder.
-MEMORY_FOLDER = Path("/dev/shm")
 
 #: Of atheris' inputs, those that our own mutator makes.
 OWN_SHARE = 0.5
@@ -166,11 +162,8 @@ def quiet() -> None:
     warnings.simplefilter("error")
 
 
-def main() -> None:
-    asked = arguments()
-    home = MEMORY_FOLDER if MEMORY_FOLDER.is_dir() else None
-    folder = Path(tempfile.mkdtemp(prefix=f"fuzz-{asked.name}-", dir=home))
-    print(f"{asked.name}: inputs are tried in {folder}", file=sys.stderr)
+def run(asked: argparse.Namespace, folder: Path) -> bool:
+    """Do what is asked for; tell whether nothing was found."""
     if asked.engine == "atheris":
         with importlib.import_module("atheris").instrument_imports(include=["bfrt"]):
             importlib.import_module("bfrt.api")
@@ -179,19 +172,28 @@ def main() -> None:
     quiet()
 
     def end() -> None:
-        shutil.rmtree(folder)
         print(session.told(), flush=True)
+        shutil.rmtree(folder)
         os._exit(1 if session.findings else 0)
 
-    if asked.files:
+    if asked.engine == "atheris":
+        run_atheris(session, asked, end)
+    elif asked.files:
         for file in asked.files:
             session.try_one(file.read_bytes())
-    elif asked.engine == "own":
-        run_own(session, asked)
     else:
-        run_atheris(session, asked, end)
-    end()
+        run_own(session, asked)
+    print(session.told())
+    return not session.findings
+
+
+def main() -> int:
+    asked = arguments()
+    in_memory = importlib.import_module("fuzz.folders").in_memory
+    with in_memory(asked.name) as folder:
+        print(f"{asked.name}: inputs are tried in {folder}", file=sys.stderr)
+        return 0 if run(asked, folder) else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

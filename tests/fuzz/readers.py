@@ -156,9 +156,9 @@ def saved(array: Any) -> bytes:
 
 #: Words of a header of .npy.
 TYPES = (
-    b"'<f4'", b"'>f8'", b"'|u1'", b"'<i8'", b"'|O'", b"'<f2'", b"'|V0'", b"'<U9'", b"True", b"False",
-    b"(20, 3)", b"(0,)", b"()", b"(2, 3, 3)", b"\x93NUMPY", b"[('x', '<f4'), ('y', '<f4')]",
-    b"('<f4', (3,))", b"-1", b"None",
+    b"'<f4'", b"'>f8'", b"'|u1'", b"'<i8'", b"'|O'", b"'<f2'", b"'|V0'", b"'<U9'", b"True",
+    b"False", b"(20, 3)", b"(0,)", b"()", b"(2, 3, 3)", b"\x93NUMPY",
+    b"[('x', '<f4'), ('y', '<f4')]", b"('<f4', (3,))", b"-1", b"None",
 )  # fmt: skip
 
 
@@ -167,7 +167,8 @@ def npy(_: Path) -> Harness:
     seeds = [
         saved(array)
         for array in (
-            array_files.CENTERS, array_files.TRIANGLES, mass, np.asfortranarray(array_files.CENTERS),
+            array_files.CENTERS, array_files.TRIANGLES, mass,
+            np.asfortranarray(array_files.CENTERS),
             array_files.CENTERS.astype(">f8"), np.tile(array_files.RADII[:, None], 4),
         )
     ]  # fmt: skip

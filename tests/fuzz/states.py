@@ -33,7 +33,7 @@ SIGNED = 1
 HEAD = 2
 
 #: Reports after which work is broken off.
-BREAKS = (1, 4, 9, 16, 30)
+BREAKS = (1, 5, 14, 30)
 
 
 class Work(NamedTuple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import faulthandler
 import gc
-import os
 import resource
 import shutil
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fuzz.mutator import FilesMutator, Mutator
+from meshes import open_files
 
 from bfrt.errors import BfrtError, ResourceError
 
@@ -152,11 +152,6 @@ def check_nothing_left(work: Path, *, done: bool) -> None:
     left += [path for path in (work / "in").rglob("*") if path.name.startswith(".")]
     if left:
         raise Finding(f"left: {[str(path.relative_to(work)) for path in left]}")
-
-
-def open_files() -> int:
-    """Descriptors of this process."""
-    return len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0
 
 
 def peak() -> int:
