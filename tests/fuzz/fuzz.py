@@ -137,7 +137,9 @@ def run_atheris(session: Session, asked: argparse.Namespace, end: Callable[[], N
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("name", help="the harness: fuzz/harnesses.py has all")
+    parser.add_argument(
+        "name", help="the harness (fuzz/harnesses.py); of ours also several: ply,stl"
+    )
     parser.add_argument("files", nargs="*", type=Path, help="inputs to try, instead of others")
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--inputs", type=int, default=0, help="0, the default: no limit")
@@ -168,8 +170,8 @@ def run(asked: argparse.Namespace, folder: Path) -> bool:
         with importlib.import_module("atheris").instrument_imports(include=["bfrt"]):
             importlib.import_module("bfrt.api")
             importlib.import_module("fuzz.harnesses")
-    session = Session(asked.name, folder, asked.keep.absolute())
     quiet()
+    session = Session(asked.name, folder, asked.keep.absolute())
 
     def end() -> None:
         print(session.told(), flush=True)
@@ -190,9 +192,12 @@ def run(asked: argparse.Namespace, folder: Path) -> bool:
 def main() -> int:
     asked = arguments()
     in_memory = importlib.import_module("fuzz.folders").in_memory
-    with in_memory(asked.name) as folder:
-        print(f"{asked.name}: inputs are tried in {folder}", file=sys.stderr)
-        return 0 if run(asked, folder) else 1
+    well = True
+    for name in asked.name.split(","):
+        with in_memory(name) as folder:
+            print(f"{name}: inputs are tried in {folder}", file=sys.stderr)
+            well &= run(argparse.Namespace(**{**vars(asked), "name": name}), folder)
+    return 0 if well else 1
 
 
 if __name__ == "__main__":
