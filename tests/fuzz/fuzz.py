@@ -137,9 +137,7 @@ def run_atheris(session: Session, asked: argparse.Namespace, end: Callable[[], N
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument(
-        "name", help="the harness (fuzz/harnesses.py); of ours also several: ply,stl"
-    )
+    parser.add_argument("name", help='the harness (fuzz/harnesses.py); of ours also "all"')
     parser.add_argument("files", nargs="*", type=Path, help="inputs to try, instead of others")
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--inputs", type=int, default=0, help="0, the default: no limit")
@@ -193,7 +191,10 @@ def main() -> int:
     asked = arguments()
     in_memory = importlib.import_module("fuzz.folders").in_memory
     well = True
-    for name in asked.name.split(","):
+    names = [asked.name]
+    if asked.name == "all":
+        names = [*importlib.import_module("fuzz.harnesses").HARNESSES]
+    for name in names:
         with in_memory(name) as folder:
             print(f"{name}: inputs are tried in {folder}", file=sys.stderr)
             well &= run(argparse.Namespace(**{**vars(asked), "name": name}), folder)
