@@ -7,7 +7,8 @@
     python tests/stress.py kills fuzz       # some of it
 
 The steps with the sanitizers work on a copy of the sources that is built in ``build/sanitize``;
-what is built here stays as it is. The exit status is 0 if all went well.
+what is built here stays as it is. Inputs at which something was found are kept in
+``build/findings``. The exit status is 0 if all went well.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 SANITIZED = ROOT / "build" / "sanitize"
+
+#: Where inputs are kept at which something was found.
+FINDINGS = ROOT / "build" / "findings"
 
 #: Tests of each part, and of what the sanitizers look at: the rooms that have loops in C.
 KILLS = ("tests/test_killed.py", "tests/checkpoint")
@@ -90,7 +94,7 @@ def steps(quick: bool, seed: int) -> dict[str, Step]:
     """All there is to do."""
     inputs = str(FEW if quick else MANY)
     fuzz = ["tests/fuzz/fuzz.py", "all", "--engine", "own", "--inputs", inputs,
-            "--seed", str(seed)]  # fmt: skip
+            "--seed", str(seed), "--keep", str(FINDINGS)]  # fmt: skip
     return {
         "kills": testing(*KILLS, quick=quick),
         "faults": Step(["tests/faults/count.py", str(SOME if quick else EVERY)], faults_told),
@@ -148,9 +152,6 @@ def done(name: str, step: Step) -> bool:
             told = step.told(ended.stdout, Path(folder))
         except (OSError, ValueError) as error:
             told = f"told nothing: {error}"
-        kept = [path for path in Path(folder).rglob("findings/*") if path.is_file()]
-        for path in kept:
-            shutil.copy2(path, Path.cwd())
     well = ended.returncode == 0
     if not well:
         print(ended.stdout, file=sys.stderr)
