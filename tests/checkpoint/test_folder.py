@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -261,6 +263,32 @@ def test_a_save_that_fails_leaves_the_state_before(scene, saved, expected, tmp_p
         monkeypatch.setattr(state, "_create", create)
         assert [path.name for path in folder.iterdir()] == [saved[0].name]
     same_picture(scene.render(checkpoint=folder, **SETTINGS), expected)
+
+
+@pytest.mark.parametrize("refused", ["unlink", "rmdir", "rename"])
+def test_a_removal_that_the_system_refuses_once(scene, expected, tmp_path, monkeypatch, refused):
+    """At each of its calls: a finished run leaves nothing all the same."""
+    at, calls = 0, []
+    call = getattr(os, refused)
+
+    def refusing(*given, **how):
+        calls.append(given)
+        if len(calls) == at:
+            raise OSError(errno.EIO, "refused")
+        return call(*given, **how)
+
+    monkeypatch.setattr(os, refused, refusing)
+    for place in (1, 2):
+        folder, at = tmp_path / "kept", 0
+        with Checkpoint(folder, 0) as kept:
+            kept.find({}, lambda _: None)
+            for _ in range(2):
+                kept.save(lambda writer: {"a": writer.put("b", [np.zeros(3)])})
+            calls.clear()
+            at = place
+            kept.remove()
+        assert not folder.exists()
+        assert len(calls) > 1 or place == 2
 
 
 @pytest.mark.parametrize("where", ["a file", "in a store"])
