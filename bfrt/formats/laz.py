@@ -54,6 +54,7 @@ BYTES_IN_LAYERS = 14
 
 #: Points of a chunk that are decompressed at once, by several threads; larger ones come in parts.
 MOST_POINTS = 1 << 18
+MOST_BYTES = MOST_POINTS << 6
 
 
 @contextlib.contextmanager
@@ -186,7 +187,8 @@ def backend_for(source: Source, header: Any, backends: Any) -> Any:
     if int.from_bytes(record[:2], "little") == LAYERED:
         check_layers(source, header, record, [size for _, size in sizes])
     largest = max((points for points, _ in sizes), default=0)
-    return backends.LazrsParallel if largest <= MOST_POINTS else backends.Lazrs
+    small = largest <= MOST_POINTS and largest * header.point_format.size <= MOST_BYTES
+    return backends.LazrsParallel if small else backends.Lazrs
 
 
 def check_items(name: str, record: bytes, point: int) -> None:
