@@ -16,8 +16,9 @@ FORMATS = [0, 1, 2, 3, 6, 7, 8]
 COLORED = {2, 3, 7, 8}
 SUFFIXES = [".las", ".laz"]
 
-#: Where a header has the number of its records, where points begin, and how they are scaled.
-POINTS_AT, RECORDS_AT, SCALES_AT = 96, 100, 131
+#: Where a header has the number of its records, where points begin, the bytes of a point with
+#: their count behind it, and how they are scaled.
+POINTS_AT, RECORDS_AT, LENGTH_AT, SCALES_AT = 96, 100, 105, 131
 
 
 def write(path, form=3, count=COUNT, offset=UTM, scale=0.001, extra=()):

@@ -8,10 +8,10 @@ import logging
 import math
 import os
 import re
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 
@@ -19,12 +19,12 @@ from bfrt.checkpoint.identity import Identity, check_same
 from bfrt.checkpoint.pace import ASSUMED_EACH, Pace
 from bfrt.checkpoint.soundness import check_facts
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
-from bfrt.errors import BfrtError, CheckpointError, SettingError
+from bfrt.errors import BfrtError, CheckpointError, SettingError, StreamError
 from bfrt.paths import check_folder
 from bfrt.refusals import refused
 from bfrt.store.header import Check
 from bfrt.streams.atomic_write import sync_folder
-from bfrt.streams.removal import remove_file
+from bfrt.streams.removal import insist, remove_file, remove_folder
 
 log = logging.getLogger(__name__)
 
@@ -104,10 +104,10 @@ class Checkpoint:
         trace: TracebackType | None,
     ) -> None:
         try:
-            if not self._generations():
-                self.folder.rmdir()
-        except OSError:  # others put something in, or removed it
-            log.debug("%s: is left as it is", self.folder)
+            if not self._generations() and insist(self.folder.rmdir):
+                log.debug("%s: is left as it is: others put something in", self.folder)
+        except StreamError as error:
+            log.debug("%s: is left as it is: %s", self.folder, error)
         self._release()
 
     def _take(self) -> None:
@@ -225,7 +225,7 @@ class Checkpoint:
             part.rename(self._path(number))
             sync_folder(self.folder)
         except BaseException as error:
-            shutil.rmtree(part, ignore_errors=True)
+            remove_folder(part)
             if isinstance(error, OSError):
                 raise refused(part, 0, error, "saving") from error
             raise
@@ -265,14 +265,12 @@ class Checkpoint:
         for name in self._names():
             match = GENERATION.fullmatch(name)
             if match and unwanted(int(match[1]), bool(match[2])):
-                path = self.folder / name
-                try:
-                    # A kill leaves no generation that has lost some of its files.
-                    if not match[2]:
-                        path = path.rename(path.with_name(f"{name}{PART}"))
-                    shutil.rmtree(path)
-                except OSError as error:
-                    log.warning("%s: could not be removed: %s", path, error)
+                path = self.folder / f"{match[0].removesuffix(PART)}{PART}"
+                # A kill leaves no generation that has lost some of its files.
+                refusal = None if match[2] else insist(partial((self.folder / name).rename, path))
+                refusal = refusal or remove_folder(path)
+                if refusal is not None:
+                    log.warning("%s: could not be removed: %s", self.folder / name, refusal)
 
 
 @contextmanager

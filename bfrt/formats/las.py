@@ -16,6 +16,9 @@ from bfrt.formats.points import POINTS_AT_ONCE, PointBlock, write_points
 from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, printable
 
+#: Bytes of a point that has much; of points that have more fewer are read at once.
+POINT_BYTES = 64
+
 
 class Scan:
     """Reads the points of a LAS or LAZ scan: a `bfrt.formats.points.Points`."""
@@ -54,7 +57,8 @@ class Scan:
         done = 0
         with self._opened() as file:
             promised = file.header.point_count
-            chunks = file.chunk_iterator(POINTS_AT_ONCE)
+            size = max(file.header.point_format.size, POINT_BYTES)
+            chunks = file.chunk_iterator(max(POINTS_AT_ONCE * POINT_BYTES // size, 1))
             while True:
                 with asking(self._source, f"{promised} points", f"point {done}: "):
                     chunk = next(chunks, None)
@@ -70,16 +74,22 @@ class Scan:
 
     def blocks(self) -> Iterator[PointBlock]:
         for chunk in self._chunks():
-            centers = np.stack([np.asarray(chunk[axis], np.float64) for axis in "xyz"], axis=-1)
-            radii = np.asarray(chunk[self._radius[0]], np.float64) if self._radius else None
+            centers = np.stack([numbers_of(chunk, axis) for axis in "xyz"], axis=-1)
+            radii = numbers_of(chunk, self._radius[0]) if self._radius else None
             yield PointBlock(centers, radii, self._values(chunk) if self._asked else None)
 
     def _values(self, chunk: Any) -> NDArray[Any]:
-        columns = [np.asarray(chunk[name], np.float64) for name in self._asked]
+        columns = [numbers_of(chunk, name) for name in self._asked]
         return columns[0] if len(columns) == 1 else np.stack(columns, axis=-1) / self._full
 
     def numbers(self) -> Iterator[NDArray[Any]]:
         return (self._values(chunk) for chunk in self._chunks())
+
+
+def numbers_of(chunk: Any, name: str) -> NDArray[np.float64]:
+    """Return a dimension of some points, (n,): inf, which others refuse, for what is too large."""
+    with np.errstate(all="ignore"):
+        return np.asarray(chunk[name], np.float64)
 
 
 def read_las(path: str, sink: SceneSink, reading: Reading, report: Report | None = None) -> None:

@@ -40,11 +40,21 @@ SIZES_OF = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
 ANY_NUMBER = 0xFFFFFFFF
 CHUNK_AT = 12
 
+#: Bytes before the first chunk, which tell where the table of chunks is.
+TABLE_AT_BYTES = 8
+
 #: Compressors whose points are in chunks: pointwise and layered.
 CHUNKED = (2, 3)
 
+#: The compressor whose chunks have a layer for each part of a point, all of which it takes memory
+#: for: by item the layers, of bytes that nobody knows one each.
+LAYERED = 3
+LAYERS_OF = {10: 9, 11: 1, 12: 2, 13: 1}
+BYTES_IN_LAYERS = 14
+
 #: Points of a chunk that are decompressed at once, by several threads; larger ones come in parts.
 MOST_POINTS = 1 << 18
+MOST_BYTES = MOST_POINTS << 6
 
 
 @contextlib.contextmanager
@@ -148,10 +158,10 @@ def backend_for(source: Source, header: Any, backends: Any) -> Any:
     if int.from_bytes(record[:2], "little") not in CHUNKED:
         return backends.Lazrs
     source.seek(header.offset_to_point_data)
-    table = _number(source, 8)
+    table = _number(source, TABLE_AT_BYTES)
     if table == -1:  # its writer could not go back
-        source.seek(-8, 2)
-        table = _number(source, 8)
+        source.seek(-TABLE_AT_BYTES, 2)
+        table = _number(source, TABLE_AT_BYTES)
     source.seek(table + 4)
     vlr = lazrs.LazVlr(record)
     chunks = _number(source, 4)
@@ -174,8 +184,11 @@ def backend_for(source: Source, header: Any, backends: Any) -> Any:
             f"{source.name}: byte {table}: found chunks of more bytes than the file has, "
             f"expected at most {source.size}"
         )
+    if int.from_bytes(record[:2], "little") == LAYERED:
+        check_layers(source, header, record, [size for _, size in sizes])
     largest = max((points for points, _ in sizes), default=0)
-    return backends.LazrsParallel if largest <= MOST_POINTS else backends.Lazrs
+    small = largest <= MOST_POINTS and largest * header.point_format.size <= MOST_BYTES
+    return backends.LazrsParallel if small else backends.Lazrs
 
 
 def check_items(name: str, record: bytes, point: int) -> None:
@@ -185,8 +198,7 @@ def check_items(name: str, record: bytes, point: int) -> None:
     ------
     SceneError
     """
-    (count,) = struct.unpack_from("<H", record, ITEMS_AT - 2)
-    items = [ITEM.unpack_from(record, ITEMS_AT + ITEM.size * k) for k in range(count)]
+    items = items_of(record)
     for kind, size, _ in items:
         if size != SIZES_OF.get(kind, size):
             raise SceneError(
@@ -197,6 +209,51 @@ def check_items(name: str, record: bytes, point: int) -> None:
         raise SceneError(
             f"{name}: found LASzip items of {found} bytes, expected {point}, which a point has"
         )
+
+
+def items_of(record: bytes) -> list[tuple[int, int, int]]:
+    """Return what points are made of: LASzip's number of each item, its bytes and its version."""
+    (count,) = struct.unpack_from("<H", record, ITEMS_AT - 2)
+    items = [ITEM.unpack_from(record, ITEMS_AT + ITEM.size * k) for k in range(count)]
+    return [(kind, size, version) for kind, size, version in items]
+
+
+def check_layers(source: Source, header: Any, record: bytes, chunks: list[int]) -> None:
+    """Refuse chunks whose layers have more bytes than the chunk, which its first bytes tell.
+
+    ::
+
+        first point, points (4 bytes), bytes of each layer (4 each), layers
+
+    Parameters
+    ----------
+    source : Source
+    header : laspy.LasHeader
+    record : bytes
+        How points are compressed.
+    chunks : list of int
+        Bytes of each chunk.
+
+    Raises
+    ------
+    SceneError, ShortReadError
+    """
+    layers = sum(
+        size if kind == BYTES_IN_LAYERS else LAYERS_OF.get(kind, 0)
+        for kind, size, _ in items_of(record)
+    )
+    at = header.offset_to_point_data + TABLE_AT_BYTES
+    for size in chunks:
+        if size:
+            source.seek(at + header.point_format.size + 4)
+            found = sum(struct.unpack(f"<{layers}I", source.exactly(4 * layers)))
+            room = size - header.point_format.size - 4 - 4 * layers
+            if found > room:
+                raise SceneError(
+                    f"{source.name}: byte {at}: found layers of {found} bytes in a chunk of "
+                    f"{size}, expected at most {max(room, 0)}"
+                )
+        at += size
 
 
 def _number(source: Source, size: int) -> int:

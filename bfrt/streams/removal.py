@@ -1,21 +1,35 @@
-"""Removing what is left of work that failed: once more where the system refuses at first."""
+"""Removing what nobody needs any more: once more where the system refuses at first."""
 
 from __future__ import annotations
 
-import contextlib
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 #: A disk across a network may refuse once what it does a moment later.
 TRIES = 3
 
 
+def insist(call: Callable[[], object]) -> OSError | None:
+    """Call something until the system does not refuse it, a few times; return the last refusal.
+
+    What is not there is none.
+    """
+    refusal: OSError | None = None
+    for _ in range(TRIES):
+        try:
+            call()
+            return None
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            refusal = error.with_traceback(None)  # which would keep what callers hold
+    return refusal
+
+
 def remove_file(path: Path) -> None:
     """Remove a file, if it is there and the system lets us."""
-    for _ in range(TRIES):
-        with contextlib.suppress(OSError):
-            path.unlink(missing_ok=True)
-            return
+    insist(path.unlink)
 
 
 def remove_folder(path: Path) -> OSError | None:
@@ -23,13 +37,4 @@ def remove_folder(path: Path) -> OSError | None:
 
     The folder need not be there.
     """
-    refusal: OSError | None = None
-    for _ in range(TRIES):
-        try:
-            shutil.rmtree(path)
-            return None
-        except FileNotFoundError:
-            return None
-        except OSError as error:
-            refusal = error.with_traceback(None)  # which would keep what callers hold
-    return refusal
+    return insist(lambda: shutil.rmtree(path))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
-import zlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from checkpoints import VIEW, Killed, same_picture, scene_of, tight
+from signing import sign_state
 
 import bfrt
 from bfrt.checkpoint.checkpoint import Checkpoint
@@ -103,16 +105,9 @@ def test_what_is_damaged_is_refused(scene, saved, tmp_path):
 
 def signed(generation, change):
     """Change a generation, and sign it anew: its checksums are right."""
-    header = generation / "state.json"
-    body = json.loads(header.read_text())
+    body = json.loads((generation / "state.json").read_text())
     change(generation, body)
-    for name, file in body["files"].items():
-        if (generation / name).is_file():
-            data = (generation / name).read_bytes()
-            file |= {"bytes": len(data), "crc32": zlib.crc32(data)}
-    del body["checksum"]
-    body["checksum"] = zlib.crc32(json.dumps(body, sort_keys=True).encode())
-    header.write_text(json.dumps(body))
+    sign_state(generation, body)
 
 
 def records(name, dtype, field, value):
@@ -268,6 +263,32 @@ def test_a_save_that_fails_leaves_the_state_before(scene, saved, expected, tmp_p
         monkeypatch.setattr(state, "_create", create)
         assert [path.name for path in folder.iterdir()] == [saved[0].name]
     same_picture(scene.render(checkpoint=folder, **SETTINGS), expected)
+
+
+@pytest.mark.parametrize("refused", ["unlink", "rmdir", "rename"])
+def test_a_removal_that_the_system_refuses_once(scene, expected, tmp_path, monkeypatch, refused):
+    """At each of its calls: a finished run leaves nothing all the same."""
+    at, calls = 0, []
+    call = getattr(os, refused)
+
+    def refusing(*given, **how):
+        calls.append(given)
+        if len(calls) == at:
+            raise OSError(errno.EIO, "refused")
+        return call(*given, **how)
+
+    monkeypatch.setattr(os, refused, refusing)
+    for place in (1, 2):
+        folder, at = tmp_path / "kept", 0
+        with Checkpoint(folder, 0) as kept:
+            kept.find({}, lambda _: None)
+            for _ in range(2):
+                kept.save(lambda writer: {"a": writer.put("b", [np.zeros(3)])})
+            calls.clear()
+            at = place
+            kept.remove()
+        assert not folder.exists()
+        assert len(calls) > 1 or place == 2
 
 
 @pytest.mark.parametrize("where", ["a file", "in a store"])

@@ -10,6 +10,7 @@ import os
 import shutil
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -128,13 +129,12 @@ class Trials:
     def run(self, name: str, fault: Fault, n: int, expected: Expected) -> Outcome:
         """Do a work while the n-th call of a family fails."""
         told = self._child(name, fault, n)
+        done = not told.get("error") or WORKS[name].resumes
         said = (self._folder / "stderr").read_text(errors="replace")
         if told.get("died"):
             return Outcome({}, "", f"{told['died']}: {said[-200:]}")
-        wrong = told["unfit"] or misplaced(
-            tree_of(self._folder / "trial"), expected, done=not told["error"]
-        )
-        if not wrong and not told["error"] and told["value"] != expected.value:
+        wrong = told["unfit"] or misplaced(tree_of(self._folder / "trial"), expected, done=done)
+        if not wrong and done and told["value"] != expected.value:
             wrong = "another result"
         if not wrong and any(word in said for word in UNCAUGHT):
             wrong = f"said: {said.strip()[-200:]}"
@@ -144,16 +144,18 @@ class Trials:
         trial = self._folder / "trial"
         shutil.rmtree(trial, ignore_errors=True)
         shutil.copytree(self._folder / "base", trial)
-        return self._forked(lambda: WORKS[name].run(trial), fault, n)
+        call = partial(WORKS[name].run, trial)
+        return self._forked(call, fault, n, call if WORKS[name].resumes else None)
 
-    def _forked(self, call, fault: Fault = NONE, n: int = NEVER) -> dict[str, Any]:
-        """Call something in a child; return what is told of it."""
+    def _forked(self, call, fault: Fault = NONE, n: int = NEVER, again=None) -> dict[str, Any]:
+        """Call something in a child, and where it fails `again`; return what is told of it."""
         told = self._folder / "told.json"
         told.unlink(missing_ok=True)
         child = os.fork()
         if not child:
             with contextlib.suppress(BaseException):
-                self._serve(call, fault, n, told)
+                self._redirect()
+                self._serve(call, (fault, n), told, again)
             os._exit(0)
         _, status = os.waitpid(child, 0)
         if os.WIFSIGNALED(status):
@@ -163,18 +165,26 @@ class Trials:
             return {"died": f"exit status {os.WEXITSTATUS(status)}"}
         return json.loads(told.read_text())
 
-    def _serve(self, call, fault: Fault, n: int, told: Path) -> None:
+    def _redirect(self) -> None:
+        """Have what a child says in a file, and an end to its patience."""
         said = os.open(self._folder / "stderr", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(said, 2)
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.alarm(PATIENCE)
+
+    def _serve(self, call, fault: tuple[Fault, int], told: Path, again) -> None:
         value, error, reason = b"", "", ""
-        self._shim.arm(fault, n)
+        self._shim.arm(*fault)
         try:
             value = call()
         except BaseException as raised:
             self._shim.disarm()
             error, reason = f"{type(raised).__name__}: {raised}", unfit(raised)
+        if error and not reason and again is not None:
+            try:
+                value = again()
+            except BaseException as raised:
+                reason = f"again: {type(raised).__name__}: {raised}"
         gc.collect()  # what is closed by nobody else
         self._shim.disarm()
         digest = hashlib.sha1(value or b"").hexdigest()

@@ -1,10 +1,11 @@
 """What is done while calls fail: each writes into ``out`` or returns bytes, from what is in ``in``.
 
-Checkpoints and their resumption belong here too, as works of their own.
+Works that keep a checkpoint are done once more where they failed: that goes on from it.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -16,6 +17,7 @@ import numpy as np
 import obj_files
 import ply_files
 import stl_files
+from checkpoints import Killed, Stop
 from injected import dividing
 
 import bfrt
@@ -28,10 +30,14 @@ FRAME = (24, 18)
 
 
 class Work(NamedTuple):
-    """Something to do: `prepare` makes what it needs in a folder, without faults."""
+    """Something to do: `prepare` makes what it needs in a folder, without faults.
+
+    Where it `resumes`, what failed is done again, without faults, and has to succeed.
+    """
 
     prepare: Callable[[Path], object]
     run: Callable[[Path], bytes]
+    resumes: bool = False
 
 
 # --- conversions ---------------------------------------------------------------------------------
@@ -173,6 +179,63 @@ def asking(query: str, refine: str, divide=None) -> Work:
     return Work(prepare, run)
 
 
+# --- checkpoints ---------------------------------------------------------------------------------
+
+#: A state after every pass, of little work: it takes many calls.
+KEPT = {"every": 0, "threads": 2, "memory": "512MiB"}
+SMALL = bfrt.Camera((0, -6, 1), (0, 0, 0), resolution=(6, 5))
+FEW_RAYS = 60
+
+#: Reports after which work that is resumed had been broken off.
+BROKEN_OFF = 3
+
+
+def few(given):
+    """Capacities with which little work takes several passes."""
+    return replace(tight(given), rays=31, candidates=31)
+
+
+def rendered(refine: str, folder: Path, **more) -> bytes:
+    """Render with a checkpoint."""
+    with opened(folder, few) as held:
+        image = held.render(
+            camera=SMALL, refine=refine, scratch=folder / "tmp", checkpoint=folder / "out" / "kept",
+            **KEPT, **more,
+        )  # fmt: skip
+        return b"".join(np.asarray(pixels).tobytes() for pixels in image.channels.values())
+
+
+def asked(query: str, refine: str, folder: Path, **more) -> bytes:
+    """Ask with a checkpoint."""
+    origins = np.random.default_rng(3).uniform(-3, 3, (FEW_RAYS, 3))
+    with opened(folder, few) as held:
+        answer = getattr(held, query)(
+            origins, -origins, refine=refine, scratch=folder / "tmp",
+            checkpoint=folder / "out" / "kept", out=folder / "out" / "answer", **KEPT, **more,
+        )  # fmt: skip
+        return b"".join(np.asarray(answer[key]).tobytes() for key in sorted(answer))
+
+
+def keeping(run: Callable[..., bytes], order: str) -> Work:
+    """A work that keeps a checkpoint."""
+    return Work(partial(scene, order=order), run, resumes=True)
+
+
+def resuming(run: Callable[..., bytes], order: str) -> Work:
+    """A work that goes on from one."""
+
+    def prepare(folder: Path) -> None:
+        scene(folder, order=order)
+        with contextlib.suppress(Killed):
+            run(folder, progress=Stop(BROKEN_OFF))
+        assert list((folder / "out" / "kept").iterdir())
+
+    return Work(prepare, run, resumes=True)
+
+
+# --- pictures ------------------------------------------------------------------------------------
+
+
 def saving(suffix: str) -> Work:
     """A picture saved over another."""
 
@@ -230,6 +293,12 @@ WORKS: dict[str, Work] = {
     "count_intersections": asking("count_intersections", "sgb"),
     "list_intersections": asking("list_intersections", "tree"),
     "list_intersections, spooled": asking("list_intersections", "tree", tight),
+    "render by treelets, kept": keeping(partial(rendered, "tree"), "auto"),
+    "render by treelets, resumed": resuming(partial(rendered, "tree"), "auto"),
+    "render by a grid, kept": keeping(partial(rendered, "sgb"), "given"),
+    "render by a grid, resumed": resuming(partial(rendered, "sgb"), "given"),
+    "cast_rays, kept": keeping(partial(asked, "cast_rays", "tree"), "auto"),
+    "list_intersections, resumed": resuming(partial(asked, "list_intersections", "sgb"), "given"),
     "save exr": saving(".exr"),
     "save png": saving(".png"),
     "save npy": saving(".npy"),

@@ -10,18 +10,16 @@ import random
 import shutil
 import subprocess
 import sys
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scenes import random_objects
+from signing import sign_store
 
 import bfrt
 from bfrt.errors import BfrtError, StoreError
-from bfrt.grid.marks_layout import CRC, HEADER
 from bfrt.records import Kind
-from bfrt.store.header import header_text
 
 #: How objects are found, and the order of the store.
 WAYS = [
@@ -61,24 +59,6 @@ def numbers_in(part, way=()):
         yield way
 
 
-def sign(path, header):
-    """Write a header, and let the marks be of it."""
-    header["palette"]["crc32"] = zlib.crc32((path / "palette").read_bytes())
-    (path / "scene.json").write_text(header_text(header))
-    marks = path / "0" / "marks"
-    if not marks.exists():
-        return
-    data = bytearray(marks.read_bytes())
-    fields = list(HEADER.unpack(data[: HEADER.size]))
-    fields[6] = json.loads((path / "scene.json").read_text())["checksum"]
-    tables = 52 + 12 * -(-fields[2 + min(fields[5], 2)] // 8)
-    bricks = np.prod([-(-n // 8) for n in fields[2:5]], dtype=object)
-    fields[9] = zlib.crc32(data[52 : tables + -(-bricks // 8)])
-    head = HEADER.pack(*fields)
-    data[:52] = head + CRC.pack(zlib.crc32(head))
-    marks.write_bytes(data)
-
-
 def change(path, chance):
     """Change a number of the header, or a few bytes of a file."""
     header = json.loads((path / "scene.json").read_text())
@@ -97,7 +77,7 @@ def change(path, chance):
             word = chance.choice(WORDS)[: len(data) - at]
             data[at : at + len(word)] = word
         file.write_bytes(data)
-    sign(path, header)
+    sign_store(path, header)
 
 
 def render_changed(folder, refine, order):
@@ -144,6 +124,6 @@ def test_bounds_that_no_boxes_have(tmp_path, field):
     header = json.loads((path / "scene.json").read_text())
     part = header if field == "bounds" else header["groups"][0]
     part[field] = [[-1e300] * 3, [1e300] * 3]
-    sign(path, header)
+    sign_store(path, header)
     with pytest.raises(StoreError, match=r"bounds.*coordinates that float32 has, up to 3.4e\+38"):
         bfrt.open(path)

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bfrt.formats.source import printable
+
 #: Types of values by both of their names, in the order of _rows'. Integers of 64 bits are no
 #: standard, but there are writers of them.
 TYPES = {
@@ -55,6 +57,11 @@ class Element(NamedTuple):
     name: str
     rows: int
     properties: tuple[Property, ...]
+
+    @property
+    def shown(self) -> str:
+        """Return its name for errors."""
+        return printable(self.name)
 
     def least_bytes(self, layout: str) -> int:
         """Return the least bytes of a row: of a list its count; of text two a value."""

@@ -68,7 +68,7 @@ class Ply:
         if end > size:
             raise SceneError(
                 f"{self.name}: byte {start}: found {max(size - start, 0)} bytes, "
-                f"expected {end - start} or more for {element.rows} rows of {element.name}: "
+                f"expected {end - start} or more for {element.rows} rows of {element.shown}: "
                 "the file is truncated or its count is wrong"
             )
 
@@ -118,7 +118,7 @@ class Ply:
             self._left = len(chunk) - used
         if not rows.done:
             raise SceneError(
-                f"{self.name}: found the file's end in row {rows.row} of {element.name}, expected "
+                f"{self.name}: found the file's end in row {rows.row} of {element.shown}, expected "
                 f"{element.rows} rows: the file is truncated or its count is wrong"
             )
         if len(self._places) == number + 1:
@@ -151,7 +151,7 @@ class Ply:
 
     def _fault(self, element: Element, rows: Rows, at: int) -> SceneError:
         where = f"line {rows.line}: " if self.layout == "text" else ""
-        row = f"row {rows.row} of {element.name}"
+        row = f"row {rows.row} of {element.shown}"
         found = quoted(rows.token) if self.layout == "text" else f"{rows.found:.15g}"
         messages = {
             Fault.BAD_NUMBER: f"found {found} in {row}, expected a number",

@@ -14,7 +14,7 @@ from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
-from bfrt.formats.source import Report
+from bfrt.formats.source import Report, printable
 
 #: What full color is.
 FULL_COLOR = {1: 255.0, 3: 65535.0}
@@ -107,8 +107,9 @@ def painting(element: Element, reading: Reading) -> tuple[str, ...]:
 def missing(ply: Ply, names: Sequence[str], where: str) -> SettingError:
     """Return an error about columns that are missing."""
     there = sorted({p.name for e in ply.elements for p in e.properties if p.counted < 0})
+    listed = " ".join(map(printable, there))
     return SettingError(
-        f"{ply.name}: found no {' '.join(names)} of each {where}, expected one of {' '.join(there)}"
+        f"{ply.name}: found no {' '.join(names)} of each {where}, expected one of {listed}"
     )
 
 
@@ -143,7 +144,7 @@ def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None
         for element in faces:
             if element.corners() is None:
                 raise SceneError(
-                    f"{path}: found {element.name} without a list vertex_indices, expected it"
+                    f"{path}: found {element.shown} without a list vertex_indices, expected it"
                 )
         writer = ObjectWriter(sink, path, reading)
         if faces:

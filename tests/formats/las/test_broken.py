@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import struct
+import subprocess
 import sys
 import time
 
@@ -11,7 +12,7 @@ import pytest
 from failing import alone, refuse_reads
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from las_files import COUNT, POINTS_AT, RECORDS_AT, SUFFIXES, places, write
+from las_files import COUNT, LENGTH_AT, POINTS_AT, RECORDS_AT, SCALES_AT, SUFFIXES, places, write
 from meshes import convert, failure, outcome, shapes_of, spheres
 
 from bfrt.errors import BfrtError, SceneError, SettingError, ShortReadError, StreamError
@@ -68,6 +69,37 @@ def test_more_records_than_fit(file, place):
     begin = time.monotonic()
     assert failure(file, radius=1).startswith("byte 94: found a header of 227 bytes and ")
     assert time.monotonic() - begin < 5
+
+
+@pytest.mark.parametrize("scale", [1e308, -1e308])
+def test_scales_beyond_all_numbers_are_one_sentence(file, scale, recwarn):
+    write(file)
+    data = bytearray(file.read_bytes())
+    struct.pack_into("<d", data, SCALES_AT, scale)
+    file.write_bytes(data)
+    assert "inf" in failure(file, radius=1)
+    assert not recwarn.list
+
+
+def test_points_of_many_bytes_are_read_a_few_at_a_time(tmp_path):
+    """A record's length is two bytes of the header: with it a block of points would take 1 GB."""
+    file = tmp_path / "a.las"
+    write(file)
+    data = bytearray(file.read_bytes())
+    struct.pack_into("<HI", data, LENGTH_AT, 0xFFF0, 1 << 30)
+    file.write_bytes(data)
+    code = (
+        "import resource, bfrt, sys\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "try:\n"
+        "    bfrt.convert(sys.argv[1], 'a.bfrt', radius=1, memory='512MiB')\n"
+        "except bfrt.BfrtError:\n"
+        "    pass\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
+    )
+    work = [sys.executable, "-c", code, file]
+    ended = subprocess.run(work, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert int(ended.stdout) < 200 << 10
 
 
 def chunks_of(laz):
@@ -129,6 +161,22 @@ def test_chunks_of_more_points_than_memory_holds(laz, size):
     struct.pack_into("<I", data, at, size)
     laz.write_bytes(data)
     assert shapes_of(convert(laz, radius=1)) == spheres(places(scan), 1)
+
+
+@pytest.mark.parametrize(("form", "layers"), [(6, 9), (7, 10), (8, 11)])
+@pytest.mark.parametrize("extra", [[], [("mass", "f4")]])
+def test_layers_of_more_bytes_than_their_chunk(laz, form, layers, extra):
+    """lazrs would fill memory for them with zeros: 4 GB for each layer."""
+    scan = write(laz, form, extra=extra)
+    assert shapes_of(convert(laz, radius=1)) == spheres(places(scan), 1)
+    data, begin, _, _ = chunks_of(laz)
+    sizes = begin + 8 + scan.point_format.size + 4
+    for layer in range(layers + 4 * len(extra)):
+        changed = bytearray(data)
+        struct.pack_into("<I", changed, sizes + 4 * layer, 2_000_000_000)
+        laz.write_bytes(changed)
+        said = failure(laz, radius=1)
+        assert said.startswith(f"byte {begin + 8}: found layers of 20000")
 
 
 @pytest.mark.parametrize("table", [0, -5, -(1 << 62), 1 << 40, (1 << 63) - 1])

@@ -180,6 +180,15 @@ def test_settings_that_do_not_fit_points(file, asked, words):
     assert words in failure(file, SettingError, **{"radius": 1, **asked})
 
 
+def test_names_that_cannot_be_printed(file):
+    file.write_bytes(points("ascii", [("g\x7f\x00n", "uchar")], [[1], [2]]))
+    said = failure(file, SettingError, radius=1, color_by="rgb")
+    assert said.endswith(r"expected one of 'g\x7f\x00n' x y z")
+    data = ply("ascii", ("vertex", XYZ, [[1, 2, 3]]), ("e\x1b[m", XYZ, [[1, 2, 3]]))
+    file.write_bytes(data.replace(b"[m 1\n", b"[m 99999\n"))
+    assert r"for 99999 rows of 'e\x1b[m': the file is truncated" in failure(file, radius=1)
+
+
 def test_a_map_for_the_files_own_colors(file):
     more = [(name, "uchar") for name in ("red", "green", "blue")]
     file.write_bytes(points("ascii", more, [[1, 2, 3]]))

@@ -1,0 +1,84 @@
+"""HDF5: the process that reads it is forked here, for starting one takes a hundred times longer."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import hdf5_files
+from fuzz.readers import POINTS, convert
+from fuzz.trial import Harness, of_bytes
+
+from bfrt.formats.hdf5 import child, remote
+from bfrt.formats.hdf5.origins import Limits
+
+
+class Forked:
+    """Stands for `subprocess.Popen` of the process that reads."""
+
+    def __init__(self, asked: list[str], **_: Any) -> None:
+        path, limits = remote.json.loads(asked[3])
+        to_read, to_write = os.pipe(), os.pipe()
+        self._id = os.fork()
+        if not self._id:
+            serve(path, limits, (to_read[0], to_write[1]))
+        os.close(to_read[0])
+        os.close(to_write[1])
+        self.stdin = io.FileIO(to_read[1], "w")
+        self.stdout = io.FileIO(to_write[0])
+        self._status: int | None = None
+
+    def kill(self) -> None:
+        if self._status is None:
+            os.kill(self._id, signal.SIGKILL)
+
+    def wait(self) -> int:
+        if self._status is None:
+            self._status = os.waitstatus_to_exitcode(os.waitpid(self._id, 0)[1])
+        return self._status
+
+
+def serve(path: str, limits: list[Any], streams: Sequence[int]) -> None:
+    """Be the process that reads, and end."""
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        for number, stream in enumerate((*streams, nowhere)):
+            os.dup2(stream, number)
+        os.closerange(3, 256)
+        child.main(path, list(Limits(*limits)))
+    finally:
+        os._exit(0)
+
+
+def hdf5(home: Path) -> Harness:
+    seeds = []
+    more = {"PartType0/radii": hdf5_files.RADII, "mass": hdf5_files.MASS}
+    for layout in hdf5_files.LAYOUTS:
+        for libver in (None, "latest"):
+            path = home / "seed.h5"
+            hdf5_files.write(path, hdf5_files.snapshot(**more), layout, libver)
+            seeds.append(path.read_bytes())
+    hdf5_files.link(path, soft="/PartType0", other=("part0.h5", "/rows"))
+    seeds.append(path.read_bytes())
+    hdf5_files.virtual(home / "virtual.h5")
+    seeds.append((home / "virtual.h5").read_bytes())
+
+    def run(data: bytes, folder: Path) -> None:
+        (folder / "in" / "a.h5").write_bytes(data)
+        kept = remote.subprocess
+        remote.subprocess = SimpleNamespace(
+            Popen=Forked, PIPE=subprocess.PIPE, DEVNULL=subprocess.DEVNULL
+        )
+        try:
+            convert(data, folder, "a.h5", POINTS)
+        finally:
+            remote.subprocess = kept
+
+    tokens = (b"TREE", b"SNOD", b"HEAP", b"OHDR", b"FRHP", b"BTHD", b"GCOL", b"\x89HDF\r\n\x1a\n")
+    return of_bytes(seeds, tokens, run)

@@ -1,0 +1,180 @@
+"""A short run of every harness, the same each time: success or one error of ours, nothing left."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fuzz.folders import in_memory
+from fuzz.harnesses import HARNESSES
+from fuzz.mutator import FilesMutator, Mutator
+from fuzz.packing import packed, unpacked
+from fuzz.trial import Finding, Trials, of_bytes
+
+from bfrt.errors import ResourceError, SceneError
+
+COMMAND = Path(__file__).with_name("fuzz.py")
+
+#: Inputs of a harness in the short run, and in the long one; and the seconds that they may take.
+FEW, MANY = 30, 10_000
+SECONDS = {FEW: 120, MANY: 7200}
+
+
+def fuzzed(folder: Path, *asked: str, seconds: int) -> list[dict]:
+    """What the command tells of each harness, which is run in a process of its own."""
+    paths = filter(None, [os.environ.get("PYTHONPATH")])
+    done = subprocess.run(
+        [sys.executable, COMMAND, *asked, "--keep", folder / "findings"],
+        cwd=folder, env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True, text=True, timeout=seconds, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert not (folder / "findings").exists()
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_some_inputs(tmp_path):
+    asked = ("all", "--engine", "own", f"--inputs={FEW}")
+    told = fuzzed(tmp_path, *asked, seconds=SECONDS[FEW])
+    assert [each["harness"] for each in told] == [*HARNESSES]
+    for each in told:
+        assert each["inputs"] == sum(each["outcomes"].values()) == FEW
+        assert len(each["outcomes"]) > 1, "all inputs end in the same way"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HARNESSES)
+def test_many_inputs(tmp_path, name):
+    asked = (name, "--engine", "own", f"--inputs={MANY}", "--seed", "1")
+    (told,) = fuzzed(tmp_path, *asked, seconds=SECONDS[MANY])
+    assert told["outcomes"]["success"] > MANY // 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["stl", "checkpoint"])
+def test_inputs_of_atheris(tmp_path, name):
+    if importlib.util.find_spec("atheris") is None:
+        pytest.skip("atheris is not installed")
+    asked = (name, "--engine", "atheris", "--inputs=300", "--corpus", "kept")
+    assert fuzzed(tmp_path, *asked, seconds=600)[0]["inputs"] == 300
+    assert len(list((tmp_path / "kept").iterdir())) > 3
+
+
+@pytest.mark.parametrize("name", HARNESSES)
+def test_seeds_are_right(name):
+    """Some of them succeed: settings of a reader do not fit all of its files."""
+    with in_memory(name) as folder:
+        harness = HARNESSES[name](folder)
+        trials = Trials(harness, folder)
+        chosen = random.Random(1).sample(harness.seeds, min(12, len(harness.seeds)))
+        for seed in chosen:
+            trials.try_one(seed)
+    assert trials.outcomes["success"] >= len(chosen) / 4, trials.outcomes
+
+
+# --- what is found -------------------------------------------------------------------------------
+
+
+def leaving(part: str):
+    def run(_: bytes, folder: Path) -> None:
+        (folder / part / ".a.bfrt-0.part").mkdir()
+        raise SceneError("a.ply: found nothing, expected a scene")
+
+    return run
+
+
+def raising(error: Exception):
+    def run(_: bytes, folder: Path) -> None:
+        raise error
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("run", "kind", "words"),
+    [
+        (leaving("in"), Finding, r"left: \['in/.a.bfrt-0.part'\]"),
+        (leaving("out"), Finding, r"left: \['out/.a.bfrt-0.part'\]"),
+        (leaving("tmp"), Finding, "left: "),
+        (raising(IndexError("3")), IndexError, "3"),
+        (raising(MemoryError()), MemoryError, "^$"),
+        (raising(ResourceError("a: found no memory")), Finding, "asked for too much"),
+        (raising(SceneError("two\nlines")), Finding, "expected a sentence"),
+        (raising(SceneError("")), Finding, "expected a sentence"),
+    ],
+)
+def test_what_is_wrong_is_found(tmp_path, run, kind, words):
+    trials = Trials(of_bytes([b"seed"], (), run), tmp_path)
+    with pytest.raises(kind, match=words):
+        trials.try_one(b"an input")
+    assert (tmp_path / "current").read_bytes() == b"an input"
+    assert not trials.outcomes
+
+
+def test_files_that_stay_open_are_found(tmp_path):
+    held = []
+
+    def run(_: bytes, folder: Path) -> None:
+        held.append((folder / "in" / "a").open("w"))
+
+    with pytest.raises(Finding, match="open files"):
+        Trials(of_bytes([b"seed"], (), run), tmp_path).try_one(b"an input")
+    held.pop().close()
+
+
+def test_an_input_that_hangs_ends_the_process(tmp_path):
+    """Also where it does not come back to Python."""
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r}); "
+        "import ctypes; from pathlib import Path; from fuzz import trial; trial.PATIENCE = 1; "
+        "wait = lambda *_: ctypes.PyDLL(None).sleep(60); "
+        "trial.Trials(trial.of_bytes([b'x'], (), wait), Path.cwd()).try_one(b'x')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=50,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "Timeout" in done.stderr and "try_one" in done.stderr
+    assert (tmp_path / "current").read_bytes() == b"x"
+
+
+# --- how inputs are made -------------------------------------------------------------------------
+
+
+def test_inputs_of_a_key_are_the_same_and_others_differ():
+    seeds = [b"ply\nformat ascii 1.0\nelement vertex 12\n" * 3, bytes(range(256))]
+    made = [Mutator(seeds, (b"end_header",)).made(f"ply 0 {n}") for n in range(300)]
+    assert made == [Mutator(seeds, (b"end_header",)).made(f"ply 0 {n}") for n in range(300)]
+    assert len(set(made)) > 290
+    assert sum(b"end_header" in data for data in made) > 10
+    assert {len(data) for data in made} > {len(seeds[0]), len(seeds[1])}
+
+
+def test_a_change_of_several_files_is_mostly_of_one_and_keeps_sizes():
+    names = ["a.json", "b", "c"]
+    files = {"a.json": b"[1, 2, 3]" * 9, "b": bytes(99), "c": bytes(50)}
+    seed = b"\1\2" + packed(files, names)
+    mutator = FilesMutator([seed], (), names, 2)
+    same = one = 0
+    for n in range(300):
+        found = unpacked(mutator.made(str(n))[2:], names)
+        same += all(len(found.get(name, b"")) == len(files[name]) for name in ("b", "c"))
+        one += sum(found.get(name) != files[name] for name in names) <= 1
+    assert same > 200 and one > 250
+
+
+@pytest.mark.parametrize("data", [b"", b"\0", b"\7\xff\xff\xff\xffabc", bytes(23)])
+def test_any_bytes_are_files(data):
+    assert all(name in ("a", "b") for name in unpacked(data, ["a", "b"]))
+
+
+def test_files_are_packed_and_unpacked():
+    files = {"b": b"123", "a": b"", "c": bytes(300)}
+    assert unpacked(packed(files, ["a", "b", "c"]), ["a", "b", "c"]) == files
