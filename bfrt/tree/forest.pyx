@@ -20,7 +20,6 @@ from bfrt.treelets.node cimport Node
 
 from bfrt.errors import StoreError
 from bfrt.records import TREELET
-from bfrt.refusals import refused
 from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
