@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
 from pathlib import Path
@@ -15,7 +16,11 @@ def thread_names() -> list[str]:
     """What all threads are called."""
     if not sys.platform.startswith("linux"):
         pytest.skip("another system does not tell what threads are called")
-    return [(task / "comm").read_text().strip() for task in TASKS.iterdir()]
+    names = []
+    for task in TASKS.iterdir():
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            names.append((task / "comm").read_text().strip())
+    return names
 
 
 def thread_name() -> str:
