@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from bfrt.errors import ShortReadError, StoreError, StreamError
-from bfrt.paths import ABSENT, HEADER, without_links
+from bfrt.paths import ABSENT, HEADER, UNKNOWN, without_links
 from bfrt.refusals import give_up, refused
 from bfrt.store.file_facts import check_size
 from bfrt.streams.litter import restore
@@ -183,8 +183,10 @@ class StoreFolder:
         """Tell whether the path leads to this folder still."""
         try:
             return os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
-        except OSError:
-            return False
+        except OSError as error:
+            if error.errno in UNKNOWN:
+                return False
+            raise refused(self.path, 0, error, "examining") from error
 
     def fault(self) -> StoreError | None:
         """Return what has become of the store since it was opened; None if it is where it was."""

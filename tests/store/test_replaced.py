@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import errno
 import multiprocessing
 import os
 import pickle
@@ -14,7 +15,7 @@ import pytest
 from meshes import open_files
 
 import bfrt
-from bfrt.errors import StoreError
+from bfrt.errors import StoreError, StreamError
 
 SMALL = {"memory": "96MiB", "threads": 2}
 
@@ -241,6 +242,18 @@ def test_a_forked_process_reads_the_store_that_was_opened(path, way, shown):
 
 
 @pytest.mark.parametrize("way", ["sgb"])
+def test_a_folder_that_the_system_refuses_to_look_at_is_not_one_that_moved(path, monkeypatch):
+    """Its marks would lie elsewhere."""
+
+    def refusing(*_):
+        raise OSError(errno.EIO, "refused")
+
+    with bfrt.open(path) as scene:
+        monkeypatch.setattr(os.path, "samestat", refusing)
+        with pytest.raises(StreamError, match=f"^{path}: examining at byte 0"):
+            assert scene.store.folder.in_place
+
+
 def test_closed_scenes_give_their_folder_back(path, way):
     before = open_files()
     for _ in range(20):

@@ -25,7 +25,7 @@ from bfrt.errors import (
 )
 from bfrt.formats.hdf5.messages import Channel, Ended, bytes_of, type_of_words
 from bfrt.formats.table import Array
-from bfrt.refusals import refused
+from bfrt.refusals import calling, give_up, refused
 
 #: What the process does. It has modules from where they are here, not from the working folder,
 #: which may have sources of the same names.
@@ -83,7 +83,8 @@ class RemoteFile:
         widen(self._process.stdout)
         self._channel = Channel(self._process.stdout, self._process.stdin)
         try:
-            self.names: list[str] = self._answer()
+            with calling(path, "reading"):
+                self.names: list[str] = self._answer()
         except BaseException:
             self.close()
             raise
@@ -96,33 +97,35 @@ class RemoteFile:
         KeyError, SceneError, SettingError, BudgetError, ShortReadError, StreamError
             As the answer says; SceneError if there is none, for the process has ended.
         """
-        try:
-            self._channel.send(list(request))
-        except Ended:
-            raise self._ended() from None
-        return self._answer()
+        with calling(self.path, "reading"):
+            try:
+                self._channel.send(list(request))
+            except Ended:
+                raise self._ended() from None
+            return self._answer()
 
     def rows(self, begun: int, dtype: np.dtype[Any], most: int) -> NDArray[Any] | None:
         """Return the next rows of a pass, of `most` numbers at the most, or None; else as `ask`."""
-        try:
-            self._channel.send(["next", begun])
-            words, behind = self._channel.receive()
-            _raise_error(words)
-            if words[1] is None:
-                return None
-            if math.prod(words[1]) > most or behind != math.prod(words[1]) * dtype.itemsize:
-                raise Ended
-            block = np.empty(words[1], dtype)
-            self._channel.fill(bytes_of(block))
-        except Ended:
-            raise self._ended() from None
+        with calling(self.path, "reading"):
+            try:
+                self._channel.send(["next", begun])
+                words, behind = self._channel.receive()
+                _raise_error(words)
+                if words[1] is None:
+                    return None
+                if math.prod(words[1]) > most or behind != math.prod(words[1]) * dtype.itemsize:
+                    raise Ended
+                block = np.empty(words[1], dtype)
+                self._channel.fill(bytes_of(block))
+            except Ended:
+                raise self._ended() from None
         return block
 
     def close(self) -> None:
         """End the process."""
         for pipe in (self._process.stdin, self._process.stdout):
             assert pipe is not None
-            pipe.close()
+            give_up(pipe)  # what was said through it has been read, or is for nobody
         self._process.kill()
         self._process.wait()
 
