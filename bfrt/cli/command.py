@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import errno
 import logging
 import re
@@ -91,13 +92,17 @@ def fail(error: object, status: int) -> int:
 
 
 class Parser(argparse.ArgumentParser):
-    """Hears where help cannot be printed, which its base passes over."""
+    """Hears where help cannot be printed; where an error cannot, its status says it.
+
+    Some versions of its base pass over both, and some over neither.
+    """
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is not None and file is sys.stdout:
             file.write(message)
         else:
-            super()._print_message(message, file)
+            with contextlib.suppress(OSError):
+                super()._print_message(message, file)
 
 
 def parser() -> argparse.ArgumentParser:
