@@ -143,7 +143,7 @@ def each(names, count, few):
 
 
 @pytest.mark.parametrize(
-    ("name", "seed"), each(["convert", "replace", "order", "render", "render of a file"], 30, 3)
+    ("name", "seed"), each(["convert", "replace", "order", "render", "render of a file"], 30, 1)
 )
 def test_the_run_after_a_killed_one_leaves_no_litter(before, whole, tmp_path, name, seed):
     seconds, expected = whole(name)

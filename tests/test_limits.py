@@ -70,7 +70,9 @@ def began(size, limit):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits are Linux's here")
-@pytest.mark.parametrize("limit", ["RLIMIT_AS", "RLIMIT_DATA"])
+@pytest.mark.parametrize(
+    "limit", ["RLIMIT_AS", pytest.param("RLIMIT_DATA", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_too_little_memory_is_one_sentence(tmp_path, inputs, name, limit):
     kind = getattr(resource, limit)

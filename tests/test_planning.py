@@ -120,6 +120,7 @@ def test_a_plan_is_what_the_render_does(request, name, memory, refine):
     estimated(again, image.stats)
 
 
+@pytest.mark.slow
 def test_a_frame_on_disk_and_its_bands(rings):
     scene = bfrt.open(rings.path)
     settings = {"memory": "72MiB", "threads": 1, "depth": 1, "resolution": (900, 700)}

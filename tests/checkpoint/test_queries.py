@@ -82,7 +82,7 @@ def test_a_kill_after_every_pass(scenes, rays, expected, tmp_path, form, query):
 
 
 @pytest.mark.parametrize("query", mostly_slow(QUERIES, ["cast_rays", "list_intersections"]))
-@pytest.mark.parametrize("form", mostly_slow(FORMS, ["sgb", "streamed", "resident"]))
+@pytest.mark.parametrize("form", mostly_slow(FORMS, ["sgb", "streamed"]))
 def test_other_memory_and_threads(scenes, rays, expected, tmp_path, form, query, monkeypatch):
     """Where rays in flight begin again, what they had crossed is not counted twice."""
     refine, scene, other, name = ways(form, scenes)

@@ -38,7 +38,7 @@ def test_points_that_are_not_finite(file, bad, small_blocks, caplog):
 # --- broken files --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("libver", [None, "latest"])
+@pytest.mark.parametrize("libver", [None, pytest.param("latest", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("layout", ["contiguous", "gzip"])
 def test_a_file_cut_anywhere(file, layout, libver):
     write(file, snapshot(), layout, libver)
