@@ -9,10 +9,9 @@ import threading
 
 import numpy as np
 import pytest
+from small_pictures import SMALL, rgb
 
 import bfrt
-
-SMALL = {"memory": "96MiB", "threads": 1}
 
 ASK = """
 import sys
@@ -31,10 +30,6 @@ def path(tmp_path):
         writer.light(bfrt.Light((5, 20, 20)))
         writer.spheres(rng.uniform(0, 10, (5000, 3)), 0.1)
     return tmp_path / "a.bfrt"
-
-
-def rgb(scene, refine):
-    return bfrt.render(scene, refine=refine, **SMALL).rgb
 
 
 @pytest.mark.parametrize("refine", ["tree", "base", "sgb"])
@@ -82,7 +77,8 @@ def test_other_processes_take_a_scene(path, way):
     scene = bfrt.open(path)
     scene.cast_rays([[5.0, 5, 20]], [[0.0, 0, -1]], **SMALL)  # a session is kept, with threads
     with multiprocessing.get_context(way).Pool(2) as pool:
-        found = pool.starmap(rgb, [(scene, "tree"), (scene, "sgb"), (scene, "tree")])
+        asked = pool.starmap_async(rgb, [(scene, "tree"), (scene, "sgb"), (scene, "tree")])
+        found = asked.get(timeout=100)
     for each in found:
         np.testing.assert_array_equal(each, rgb(scene, "tree"))
 
