@@ -1,4 +1,4 @@
-"""Pictures with little memory, by a function that other processes find: this folder is on the path."""
+"""Pictures with little memory, by a function that other processes find by its module."""
 
 from __future__ import annotations
 
