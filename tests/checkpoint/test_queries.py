@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from checkpoints import Killed, Stop, mostly_slow, scene_of, spied, tight
+from checkpoints import Killed, Stop, mostly_slow, spied, tight
 from scenes import units
 
 from bfrt.errors import SettingError
@@ -20,13 +20,6 @@ FORMS = {
     "streamed": ("tree", tight(resident=False), tight(resident=True)),
     "resident": ("tree", tight(resident=True), tight(resident=False, rays=90, candidates=90)),
 }
-
-
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("scenes")
-    given = scene_of(folder / "given.bfrt")
-    return {"given": given, "tree": scene_of(folder / "ordered.bfrt", groups=1, order="spatial")}
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ from checkpoints import (
     Stop,
     mostly_slow,
     same_picture,
-    scene_of,
     spied,
     tight,
 )  # fmt: skip
@@ -40,13 +39,6 @@ FORMS = {
 
 #: Those that are run each time where a test takes long.
 QUICK = ("sgb, bands", "streamed", "resident")
-
-
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("scenes")
-    given = scene_of(folder / "given.bfrt")
-    return {"given": given, "tree": scene_of(folder / "ordered.bfrt", groups=1, order="spatial")}
 
 
 @pytest.fixture(scope="module")
