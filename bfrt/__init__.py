@@ -10,30 +10,61 @@ from __future__ import annotations
 
 from bfrt.version import VERSION
 
-TYPE_CHECKING = False  # known to type checkers; `typing` takes long to import
-if TYPE_CHECKING:
-    from bfrt.api import *  # noqa: F403
-    from bfrt.api import __all__ as __all__
+#: Where each thing that is offered lies; ``__init__.pyi`` says the same to type checkers.
+OFFERED = {
+    "Answer": "bfrt.queries.question:Answer",
+    "BfrtError": "bfrt.errors:BfrtError",
+    "BudgetError": "bfrt.errors:BudgetError",
+    "Camera": "bfrt.store.model:Camera",
+    "Cancelled": "bfrt.errors:Cancelled",
+    "CheckpointError": "bfrt.errors:CheckpointError",
+    "DiskFullError": "bfrt.errors:DiskFullError",
+    "Hierarchy": "bfrt.store.hierarchy:Hierarchy",
+    "Image": "bfrt.image.picture:Image",
+    "Light": "bfrt.store.model:Light",
+    "Litter": "bfrt.streams.litter:Litter",
+    "Material": "bfrt.store.model:Material",
+    "Plan": "bfrt.planned:Plan",
+    "Progress": "bfrt.progress:Progress",
+    "ResourceError": "bfrt.errors:ResourceError",
+    "Scene": "bfrt.scene:Scene",
+    "SceneError": "bfrt.errors:SceneError",
+    "SceneWriter": "bfrt.scene:SceneWriter",
+    "SettingError": "bfrt.errors:SettingError",
+    "ShortReadError": "bfrt.errors:ShortReadError",
+    "StoreError": "bfrt.errors:StoreError",
+    "StreamError": "bfrt.errors:StreamError",
+    "cast_rays": "bfrt.scene:cast_rays",
+    "clean": "bfrt.cleaning:clean",
+    "convert": "bfrt.conversion.convert:convert",
+    "count_intersections": "bfrt.scene:count_intersections",
+    "framing_camera": "bfrt.scene:framing_camera",
+    "list_intersections": "bfrt.scene:list_intersections",
+    "occluded": "bfrt.scene:occluded",
+    "open": "bfrt.scene:open_scene",
+    "plan": "bfrt.scene:plan",
+    "render": "bfrt.scene:render",
+    "spd": "bfrt.spd",
+}
 
+__all__ = list(OFFERED)
 __version__ = VERSION
 
 
 def __getattr__(name: str) -> object:
-    """Import `bfrt.api` when something of it is first asked for.
+    """Import what is offered when it is first asked for: a program loads what it uses.
 
     The command can then be interrupted while it is imported, which takes most of its start.
     """
-    if name != "__all__" and name.startswith("__"):
+    if name not in OFFERED:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    offered = import_module("bfrt.api")
-    if hasattr(offered, name):
-        return getattr(offered, name)
-    if name in globals():  # a module that was imported with it
-        return globals()[name]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home, _, inside = OFFERED[name].partition(":")
+    module = import_module(home)
+    globals()[name] = offered = getattr(module, inside) if inside else module
+    return offered
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__getattr__("__all__")})  # type: ignore[misc]
+    return sorted({*globals(), *__all__})

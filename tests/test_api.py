@@ -1,13 +1,15 @@
 """``import bfrt`` imports what it offers when that is first used, and all of it is there."""
 
+import ast
+import importlib
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import pytest
 
 import bfrt
-from bfrt import api
 
 
 def fresh(code):
@@ -18,10 +20,25 @@ def fresh(code):
     return done.stdout.strip()
 
 
+def offered_to_type_checkers():
+    """What the stub imports, by its name: ``module:name``."""
+    stub = ast.parse(Path(bfrt.__file__).with_suffix(".pyi").read_text())
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    return {
+        name.asname or name.name: f"{node.module}:{name.name}"
+        for node in imports
+        for name in node.names
+    }
+
+
 def test_all_is_offered():
-    assert bfrt.__all__ == api.__all__
+    told = offered_to_type_checkers() | {"spd": "bfrt.spd"}
+    assert told == bfrt.OFFERED
+    assert bfrt.__all__ == sorted(bfrt.OFFERED)
     for name in bfrt.__all__:
-        assert getattr(bfrt, name) is getattr(api, name)
+        home, _, inside = bfrt.OFFERED[name].partition(":")
+        module = importlib.import_module(home)
+        assert getattr(bfrt, name) is (getattr(module, inside) if inside else module)
     assert set(bfrt.__all__) < set(dir(bfrt))
 
 
@@ -36,6 +53,11 @@ def test_the_first_use_imports():
     assert fresh(f"import bfrt, sys; {asked}; bfrt.render; {asked}") == "False\nTrue"
 
 
+def test_a_render_loads_no_conversion():
+    asked = "print(any(name.startswith('bfrt.conversion') for name in sys.modules))"
+    assert fresh(f"import bfrt, sys; bfrt.render; {asked}") == "False"
+
+
 @pytest.mark.parametrize(
     "code",
     [
@@ -43,7 +65,7 @@ def test_the_first_use_imports():
         "from bfrt import render; print(render.__name__)",
         "from bfrt import spd; import bfrt; print(bfrt.render.__name__)",
         "import bfrt.scene; print(bfrt.render.__name__)",
-        "import bfrt; print(bfrt.scene.render.__name__)",
+        "import bfrt; bfrt.render; print(bfrt.scene.render.__name__)",
         "import bfrt; 'render' in dir(bfrt) and print('render')",
     ],
 )

@@ -39,7 +39,6 @@ LAYERS = [
     {"scene", "cleaning"},
     {"spd"},
     {"conversion"},
-    {"api"},
     {"__init__"},
     {"cli"},
     {"__main__"},

@@ -22,7 +22,8 @@ import os, sys
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 try:
     import numpy as np
-    import bfrt.api as bfrt
+    import bfrt
+    bfrt.cast_rays
 except (ImportError, MemoryError) as error:
     sys.exit(f"bfrt: not loaded: {error}")
 try:

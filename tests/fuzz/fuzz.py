@@ -166,7 +166,7 @@ def run(asked: argparse.Namespace, folder: Path) -> bool:
     """Do what is asked for; tell whether nothing was found."""
     if asked.engine == "atheris":
         with importlib.import_module("atheris").instrument_imports(include=["bfrt"]):
-            importlib.import_module("bfrt.api")
+            importlib.import_module("bfrt.conversion.convert")
             importlib.import_module("fuzz.harnesses")
     quiet()
     session = Session(asked.name, folder, asked.keep.absolute())

@@ -1,4 +1,4 @@
-"""All that ``bfrt`` offers, under one name; `bfrt` itself imports it when it is first used."""
+"""Offers each name to type checkers; the module itself imports it when it is first used."""
 
 from bfrt import spd
 from bfrt.cleaning import clean
@@ -71,3 +71,5 @@ __all__ = [
     "render",
     "spd",
 ]
+
+__version__: str
