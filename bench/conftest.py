@@ -19,6 +19,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--folder", type=Path, help="where stores are made, with room for one")
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Have cases run one after the other, as what they measure demands."""
+    return 0
+
+
 @pytest.fixture(scope="session")
 def profile(request: pytest.FixtureRequest) -> str:
     return str(request.config.getoption("--size"))
