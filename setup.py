@@ -22,6 +22,8 @@ FLAGS = {
     "sanitize": ["-O1", "-g", "-fsanitize=address,undefined", "-fno-omit-frame-pointer"],
 }[BUILD]
 LINK = ["-fsanitize=address,undefined"] if BUILD == "sanitize" else []
+# What Cython adds to each module that has typed memoryviews is compiled once, for all of them.
+SHARED = Path("bfrt/_cython.c")
 CHECKED = BUILD == "debug"
 DIRECTIVES = {
     "language_level": 3,
@@ -43,9 +45,8 @@ from Cython.Build import cythonize  # noqa: E402
 
 
 def extension(source):
-    module = ".".join(source.with_suffix("").parts)
     return Extension(
-        module,
+        ".".join(source.with_suffix("").parts),
         [str(source)],
         extra_compile_args=FLAGS + EXACT,
         extra_link_args=LINK,
@@ -55,7 +56,8 @@ def extension(source):
 
 setup(
     ext_modules=cythonize(
-        [extension(source) for source in sorted(Path("bfrt").rglob("*.pyx"))],
+        [extension(SHARED), *map(extension, sorted(Path("bfrt").rglob("*.pyx")))],
+        shared_utility_qualified_name=".".join(SHARED.with_suffix("").parts),
         build_dir="build/cython",
         compiler_directives=DIRECTIVES,
         nthreads=os.cpu_count() or 1,
