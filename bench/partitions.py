@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from capped import CAP, drop, run_capped
-from stores import made
+from stores import ORDERS, made
 
 import bfrt
 from bfrt.budget import Capacities, capacities
@@ -165,22 +165,25 @@ def draw(lines: list[Line], path: Path) -> None:
 
 
 def stadium(size: int, runs: int) -> None:
-    """A teapot in a hall 200 times its size, in one group and in two, 128 x 128 pixels."""
+    """A teapot in a hall 200 times its size, 128 x 128 pixels: in one group and in two by the
+    grid, in one by the tree."""
     scene = bfrt.spd.teapot(size)
     steps = np.arange(-600.0, 601.0, 10.0)
     corners = np.stack(np.meshgrid(steps, steps, [-20.0]), axis=-1).reshape(-1, 1, 3)
     seats = (corners + np.array([[0, 0, 0], [6, 0, 0], [0, 6, 1]])).astype(np.float32)
     with tempfile.TemporaryDirectory() as name:
-        for groups in (1, 2):
-            store = Path(name) / f"{groups}.bfrt"
-            with bfrt.SceneWriter(store, dtype=np.float32, origin=(0, 0, 0)) as writer:
+        for groups, refine in ((1, "sgb"), (2, "sgb"), (1, "tree")):
+            store = Path(name) / f"{groups}.{refine}.bfrt"
+            layout = {"dtype": np.float32, "origin": (0, 0, 0), "order": ORDERS[refine]}
+            with bfrt.SceneWriter(store, **layout) as writer:
                 scene.feed(writer)
                 writer.camera(replace(scene.camera, resolution=(128, 128)))
                 writer.triangles(seats, np.zeros(len(seats), np.uint32), group=groups - 1)
-            found = [rendered(store, Path(name), fresh_marks=True) for _ in range(runs)]
+            settings = {"refine": refine} if refine == "tree" else {"fresh_marks": True}
+            found = [rendered(store, Path(name), **settings) for _ in range(runs)]
             seconds = float(np.median([f["seconds"] for f in found]))
             print(
-                f"{groups} groups: {scene.objects + len(seats):,} objects, {seconds:.2f} s, "
+                f"{refine}, {groups} groups: {scene.objects + len(seats):,} objects, {seconds:.2f} s, "
                 f"{found[0]['box_tests'] / 1e6:,.1f} million box tests",
                 flush=True,
             )

@@ -3,6 +3,7 @@
 ::
 
     python bench/tree.py scenes balls:8 mount:12 --runs 3      sgb, store as given; tree, spatial
+    python bench/tree.py huge rings:250                        tracing in reads of the store
     python bench/tree.py random 16000000                       from a file in random order
     python bench/tree.py rays 1000000                          loaded; Open3D beside, where it is
 
@@ -157,6 +158,30 @@ def at_random(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]
     return rows
 
 
+def huge(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
+    """Scenes that are larger than memory many times, in sequential reads of the store."""
+    rows = []
+    for scene in options.what:
+        name, size = scene.split(":")
+        store = folder / f"{name}{size}"
+        making = capped(["spd", name, size, "-o", str(store), "--order", stores.ORDERS["tree"]])
+        drop(store)
+        start = time.perf_counter()
+        subprocess.run(["cat", *map(str, store.rglob("*.*"))], stdout=subprocess.DEVNULL)
+        read = time.perf_counter() - start
+        found = middle([rendered(store, "tree", folder) for _ in range(options.runs)])
+        objects, size = bfrt.open(store).objects, bfrt.open(store).bytes
+        rows.append({"scene": scene, "making": making, "read": read, "bytes": size, **found})
+        print(
+            f"{scene:12} {objects:,} objects, {size / 1e9:.1f} GB, made in {making:.1f} s, read in "
+            f"{read:.1f} s: tracing {found['tracing']:.1f} s, {found['tracing'] / read:.2f} reads, "
+            f"{found['bytes'] / 1e9:.1f} GB in {found['passes']} passes   {found['phases']}",
+            flush=True,
+        )
+        shutil.rmtree(store)
+    return rows
+
+
 Corners = tuple[Any, Any]
 
 
@@ -236,7 +261,7 @@ def loaded(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-WORKS = {"scenes": scenes, "random": at_random, "rays": loaded}
+WORKS = {"scenes": scenes, "huge": huge, "random": at_random, "rays": loaded}
 
 
 def main() -> None:
