@@ -105,7 +105,7 @@ def channel(value: Any) -> str:
     return str(value)
 
 
-TRACER_FACTS = fields(group=whole(1 << 16), where=text, least=whole(1 << 31))
+TRACER_FACTS = fields(group=whole(1 << 16), where=text, quota=whole(1 << 31))
 STATS_FACTS = fields(marks_reused=truth, total=counters, depths=listed(counters))
 RENDER_FACTS = fields(
     band=whole(1 << 17),
