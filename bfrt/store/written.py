@@ -25,7 +25,7 @@ from bfrt.refusals import refused
 from bfrt.store.columns import prepare
 from bfrt.store.extent import Bounds
 from bfrt.store.header import facts_of
-from bfrt.store.hierarchy import Boxes, HierarchyWriter, Level
+from bfrt.store.hierarchy import LEAST_CHILDREN, Boxes, HierarchyWriter, Level
 from bfrt.store.making import Making
 from bfrt.store.material_column import READ_BACK_AT_ONCE
 from bfrt.store.model import Vector
@@ -232,7 +232,7 @@ class WrittenGroup:
         stream.under_way = ordering
         hierarchy = HierarchyWriter(
             ordering.folder, self._making.hierarchy, self._facts["surface"],
-            durable=self._making.durable,
+            durable=self._making.durable, least=LEAST_CHILDREN,
         )  # fmt: skip
         try:
             with closing(ordering.boxes()) as boxes:
