@@ -19,7 +19,6 @@ from bfrt.ordering_planning import ordering_of
 from bfrt.records import NODE_BYTES, TREELET_BYTES
 from bfrt.store import written
 from bfrt.store.header import header_text
-from bfrt.store.ordering._loops import codes_of
 from bfrt.store.ordering.room import LEAST_BYTES, NODES, NODES_OBJECTS, OBJECTS_A_TREELET
 from bfrt.store.store import open_store
 from bfrt.store.writer import StoreWriter
@@ -31,7 +30,7 @@ from bfrt.treelets.build import TreeletBuilder
 def small_windows(monkeypatch):
     """Windows and buffers of few objects, so that all of them are there."""
     monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 1000)
-    monkeypatch.setattr("bfrt.store.locality.TOGETHER", 2000)
+    monkeypatch.setattr("bfrt.store.locality.TOGETHER", 1000)
     for name in ("BUFFER_BYTES", "KEPT_BYTES"):
         monkeypatch.setattr(f"bfrt.streams.writer.{name}", 1 << 12)
 
@@ -41,10 +40,9 @@ def random_centers(n=40_000):
 
 
 def local(centers):
-    """The same along a Morton curve."""
-    codes = np.empty(len(centers), np.uint64)
-    codes_of(np.hstack([centers, centers]), [0, 0, 0], [1 << 10] * 3, 10, codes)
-    return centers[np.argsort(codes)]
+    """Bring each thousand into a cell of its own, of a grid."""
+    cells = np.stack(np.unravel_index(np.arange(len(centers)) // 1000, (4, 4, 4)), 1)
+    return (centers + cells.astype(np.float32)) / np.float32(4)
 
 
 def around(centers, size):
@@ -94,12 +92,12 @@ def late_materials(writer, n=40_000):
 
 
 def of_many_kinds(writer):
-    centers = random_centers(4000)
+    centers = random_centers(30_000)
     writer.spheres(centers, np.float32(1e-3))
     writer.cones(centers, np.float32(1e-3), centers + np.float32(2e-3), np.float32(2e-3), group=1)
     writer.triangles(around(local(centers), 1e-3), group=1)
     writer.patches(around(centers, 1e-3), around(centers, 1.0), group=1)
-    writer.polygons(*outlines(centers, np.full(4000, 5)), group=2)
+    writer.polygons(*outlines(centers, np.full(30_000, 5)), group=2)
 
 
 #: Scenes that are told within a factor of two, and those that only stay below what is told: where
