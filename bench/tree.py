@@ -6,6 +6,7 @@
     python bench/tree.py huge rings:250                        tracing in reads of the store
     python bench/tree.py random 16000000                       from a file in random order
     python bench/tree.py rays 1000000                          loaded; Open3D beside, where it is
+    python bench/tree.py costs 100000                          bytes of an object, by kind
 
 Renders and conversions are cold, in memory cgroups of 256 MiB (root makes them), in turn; medians.
 Pictures and rays of both have to be the same.
@@ -33,6 +34,7 @@ from capped import CAP, drop, run_capped
 
 with suppress(ImportError):  # the peer's Python needs none of it
     import bfrt
+    from bfrt.records import Kind
 
 #: Those that are compared, each with the order of its store.
 ORDERS = {refine: stores.ORDERS[refine] for refine in ("sgb", "tree")}
@@ -261,7 +263,47 @@ def loaded(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-WORKS = {"scenes": scenes, "huge": huge, "random": at_random, "rays": loaded}
+def of_kind(kind: Kind, centers: Any, writer: bfrt.SceneWriter) -> None:
+    """Add small objects of a kind at some places."""
+    size = np.float32(0.3 * len(centers) ** (-1 / 3))
+    near = np.random.default_rng(2).normal(0, size, (len(centers), 3, 3)).astype(np.float32)
+    corners = centers[:, None] + near
+    if kind == Kind.SPHERE:
+        writer.spheres(centers, size)
+    elif kind == Kind.CONE:
+        writer.cones(centers, size, centers + near[:, 0], size / 2)
+    elif kind == Kind.TRIANGLE:
+        writer.triangles(corners)
+    elif kind == Kind.PATCH:
+        writer.patches(corners, near)
+    else:
+        square = size * np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+        vertices = (centers[:, None] + square).reshape(-1, 3)
+        writer.polygons(vertices, np.full(len(centers), 4))
+
+
+def costs(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
+    """The bytes of an object in spatial order, by kind; and the most of its ordering."""
+    rows = []
+    for count in map(int, options.what):
+        centers = np.random.default_rng(1).random((count, 3), np.float32)
+        for kind in Kind:
+            for order in ("given", "spatial"):
+                with bfrt.SceneWriter(folder / order, order=order, durable=False) as writer:
+                    of_kind(kind, centers, writer)
+            given, ordered = (bfrt.open(folder / order) for order in ("given", "spatial"))
+            (stream,) = ordered.store.streams
+            row = {name: facts.bytes / count for name, facts in stream.files.items()}
+            row["levels"] = sum(row.pop(name) for name in [*row] if name.startswith("level"))
+            told = given.plan(refine="sgb").ordering
+            row = {"kind": kind.label, "objects": count, **row, "ordering": told.disk / count}
+            rows.append(row)
+            each = "  ".join(f"{key} {value:.2f}" for key, value in [*row.items()][2:])
+            print(f"{count:11,} {kind.label:8} {each}", flush=True)
+    return rows
+
+
+WORKS = {"scenes": scenes, "random": at_random, "rays": loaded, "costs": costs}
 
 
 def main() -> None:

@@ -140,7 +140,7 @@ class GridTracer(Tracer):
         for name, spool in self._waiting.items():
             writer.put(name, spool.waiting())
         number = self._number
-        return {"group": number, "where": self.where(number), "least": self._traversal.least}
+        return {"group": number, "where": self.where(number), "quota": self._traversal.quota}
 
     @property
     def state_bytes(self) -> int:
@@ -154,7 +154,7 @@ class GridTracer(Tracer):
             spool.restore(saved.blocks(name, HIT))
         self._first = facts["group"]
         expect(saved.folder / HEADER, "group", self._first, right=self._first <= len(self.groups))
-        self._traversal.least = facts["least"]
+        self._traversal.quota = facts["quota"]
         if rays:
             group = self.groups[self._first : self._first + 1]
             restore_flight(self.pool, saved, group[0].voxels if group else 0)

@@ -53,6 +53,9 @@ class Assumptions:
         Part of the treelets that are entered in a pass, where there are many.
     tree_rate : float
         Rays taken through all phases by treelets, a second and thread.
+    order_rate : float
+        Objects brought into spatial order, a second and thread, beside what reading and writing
+        take (a fit to the table in docs/tree.rst).
     """
 
     hits: float = 0.8
@@ -74,6 +77,7 @@ class Assumptions:
     entered: float = 1.0
     seen: float = 0.5
     tree_rate: float = 6e5
+    order_rate: float = 2.5e6
 
 
 ASSUMED = Assumptions()
@@ -171,6 +175,32 @@ class DiskPlan:
 
 
 @dataclass(frozen=True)
+class OrderingPlan:
+    """Tells what it takes to bring objects that are stored as given into spatial order.
+
+    `bfrt.convert` does so when it has read all of them, from the file that the store was made of.
+
+    Attributes
+    ----------
+    disk : int
+        The most bytes on disk at once, beside the files as given; a conversion refuses a disk that
+        has fewer free.
+    bytes_read, bytes_written : int
+        Estimates of the bytes that go through.
+    memory : int
+        About the most bytes of memory of the process, whatever the budget.
+    seconds : float
+        An estimate.
+    """
+
+    disk: int
+    bytes_read: int
+    bytes_written: int
+    memory: int
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Plan:
     """Tells what a render takes: memory exactly, rays, bytes and seconds as estimates.
 
@@ -204,6 +234,8 @@ class Plan:
         The most bytes that are written to spools, in all.
     disk : DiskPlan
         The most bytes on disk at once.
+    ordering : OrderingPlan, optional
+        What the store's twin in spatial order would take, where objects are stored as given.
     assumptions : Assumptions
         The numbers that the estimates are made with.
     """
@@ -225,6 +257,7 @@ class Plan:
     tracing: PhasePlan
     spool_bytes: int
     disk: DiskPlan
+    ordering: OrderingPlan | None = None
     assumptions: Assumptions = ASSUMED
 
     def as_dict(self) -> dict[str, Any]:
@@ -232,9 +265,11 @@ class Plan:
         return asdict(self)
 
     def __str__(self) -> str:
-        """Return tables for people: amounts, grids, phases."""
+        """Return tables for people: amounts, grids, phases, and what ordering would take."""
         structure = _grids(self) if self.tree is None else _tree(self.tree)
-        tables = (_amounts(self), structure, _phases(self))
+        tables = [_amounts(self), structure, _phases(self)]
+        if self.ordering is not None:
+            tables.append(_ordering(self.ordering))
         return "\n\n".join([*map(aligned, tables), _assumed(self)])
 
 
@@ -305,13 +340,30 @@ def _phases(plan: Plan) -> Rows:
     ]
 
 
+def _ordering(ordering: OrderingPlan) -> Rows:
+    return [
+        ("spatial order", "MB on disk", "MB read", "MB written", "memory MiB", "seconds"),
+        (
+            "to make",
+            f"<= {_mb(ordering.disk)}",
+            _mb(ordering.bytes_read),
+            _mb(ordering.bytes_written),
+            f"{ordering.memory / 2**20:,.0f}",
+            f"{ordering.seconds:.2f}",
+        ),
+    ]
+
+
 def _assumed(plan: Plan) -> str:
     a = plan.assumptions
-    return (
+    told = (
         f"estimates assume {a.read_rate / 1e6:,.0f} MB/s; a thread's {a.mark_rate:,.0f} objects "
         f"marked,\n{a.ray_rate:,.0f} rays and {a.test_rate:,.0f} box tests a second; "
         f"{a.tests:.0f} box tests a ray"
     )
+    if plan.ordering is not None:
+        told += f";\na thread's {a.order_rate:,.0f} objects a second on their way into order"
+    return told
 
 
 def _mb(amount: float) -> str:

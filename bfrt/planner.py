@@ -9,6 +9,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from bfrt.budget import Capacities
 from bfrt.image.frame import IMAGE_BAND
+from bfrt.ordering_planning import ordering_of
 from bfrt.phases.eye import count_eye_rays
 from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan, TreePlan
 from bfrt.records import HIT_BYTES, PATH_BYTES, QUEUED_BYTES, RAY_BYTES
@@ -138,6 +139,7 @@ class Planner(ABC, Generic[Held]):
             preprocess=self.preprocess(),
             tracing=self.tracing(),
             spool_bytes=self.bands * self.spooled(self.most),
+            ordering=ordering_of(self.store),
             disk=DiskPlan(
                 marks=sum(g.marks_bytes for g in self.grids if not g.marks_there),
                 frame=self._frame.image_bytes if held.frame_on_disk else 0,

@@ -24,6 +24,7 @@ from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
 from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
+from bfrt.ordering_planning import ordering_of
 from bfrt.planned import Plan
 from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
@@ -217,10 +218,11 @@ class Scene:
 
     def _refinement(self, asked: str | None, *of_grid: int | bool | None) -> str:
         """Return the refinement asked for, or the one for this store and settings of a grid."""
-        if asked == TREE and not self.store.ordered:
+        if asked == TREE and (ordering := ordering_of(self.store)) is not None:
             raise SettingError(
                 f"refine: found {TREE!r} for {self.path}, whose objects are in the order given, "
-                "expected base, sg or sgb, or a store made with order='spatial'"
+                "expected base, sg or sgb, or a store made with order='spatial', which takes "
+                f"{ordering.disk} bytes of disk beside them for a while"
             )
         if asked is not None:
             return asked

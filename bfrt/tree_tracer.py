@@ -67,7 +67,7 @@ class TreeTracer(Tracer):
         super().__init__(store, settings, capacities)
         self.resident = capacities.resident
         self._bad = 0
-        self._least = FIRST_QUOTA
+        self._quota = FIRST_QUOTA
         try:
             self._scans = [
                 GroupScans(store, group, capacities.threads, capacities.read_buffer, True)
@@ -116,13 +116,13 @@ class TreeTracer(Tracer):
             tell(done)
             with phases.traversal.timed():
                 if len(queue):
-                    self._least = FIRST_QUOTA
+                    self._quota = FIRST_QUOTA
                 while len(queue) and rays.active < rays.capacity:
                     self._admit(queue)
                 if not self.resident:
-                    each = max(1, min(self._least, rays.room // max(1, rays.active)))
+                    each = max(1, min(self._quota, rays.room // max(1, rays.active)))
                     self._collect(each, counters)
-                    self._least = 2 * each
+                    self._quota = 2 * each
             with phases.intersection.timed():
                 if self.resident:
                     self._descend(counters)
@@ -144,11 +144,11 @@ class TreeTracer(Tracer):
     def save(self, writer: StateWriter) -> Facts:
         """Save where `trace` is; only between two passes, when `tell` is called."""
         save_flight(self.pool, writer)
-        return {"group": 0, "where": self.where(0), "least": self._least}
+        return {"group": 0, "where": self.where(0), "quota": self._quota}
 
     def restore(self, saved: SavedState, facts: Facts, *, rays: bool) -> None:
         """Have the next `trace` begin where another was."""
-        self._least = facts["least"]
+        self._quota = facts["quota"]
         if rays:
             restore_flight(self.pool, saved, self._forest.treelets)
 

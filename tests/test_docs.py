@@ -6,13 +6,28 @@ import argparse
 import re
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import bfrt
 from bfrt import records
 from bfrt.cli import parser
+from bfrt.ordering_planning import memory_of
+from bfrt.records import NODE_BYTES, PARENT_BYTES, TREELET_BYTES, Kind
 from bfrt.stats import Stats
+from bfrt.store.hierarchy import LEAST_CHILDREN
+from bfrt.store.ordering.objects import Layout, id_bytes_of
+from bfrt.store.ordering.room import (
+    NODES,
+    NODES_OBJECTS,
+    OBJECTS_A_TREELET,
+    USUAL_TREE_BYTES,
+    WEIGHT_A_WINDOW,
+    Amount,
+    room_beside,
+    room_of,
+)
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SUFFIXES = {".py", ".pyi", ".pyx", ".pxd"}
@@ -44,6 +59,39 @@ def test_every_size_of_a_record_is_on_the_page():
     sizes = {name for name in vars(records) if name.endswith("_BYTES")}
     of_files = {"BOX_BYTES", "OFFSET_BYTES", "TREELET_BYTES", "NODE_BYTES"}
     assert sizes - of_files <= {name for name, _, _ in CONSTANTS}
+
+
+COSTS = re.findall(r"^(sphere|cone|triangle|patch|polygon) +(\d.*)$", page("tree"), re.MULTILINE)
+
+
+@pytest.mark.parametrize(("label", "numbers"), COSTS)
+def test_what_an_object_costs_in_spatial_order(label, numbers):
+    n, kind = 10**6, next(kind for kind in Kind if kind.label == label)
+    geometry, ids, nodes, treelets, levels, near, other, memory = map(float, numbers.split())
+    corners = 4 if kind.counted else 1
+    layout = Layout(kind, False, (0.0, 0.0, 0.0), id_bytes_of(n), 0)
+    assert (geometry, ids) == (corners * layout.stride, layout.id_bytes)
+    assert nodes + treelets < 22.9 and levels < 4.6
+    assert 0.7 * USUAL_TREE_BYTES < nodes + treelets + levels < 1.3 * USUAL_TREE_BYTES
+    for disk, local in ((near, True), (other, False)):
+        room = room_of(layout, Amount(n, corners * n, local))
+        assert disk == round(room_beside([room]) / n, 1)
+    stream = SimpleNamespace(
+        kind=kind, count=n, vertices=corners * n, stride=layout.stride, largest=corners
+    )
+    assert memory == round(memory_of(stream, 2) / 2**20)
+
+
+def test_costs_are_of_all_kinds_and_at_most_as_said():
+    assert [label for label, _ in COSTS] == [kind.label for kind in Kind]
+    treelets = 1 / OBJECTS_A_TREELET + 2 / WEIGHT_A_WINDOW
+    most = (NODES / NODES_OBJECTS + treelets) * NODE_BYTES + treelets * TREELET_BYTES
+    text = page("tree")
+    assert f"eight nodes for {NODES_OBJECTS} and a treelet for {OBJECTS_A_TREELET}" in text
+    assert f": {most:.1f} bytes an object" in " ".join(text.split())
+    assert f"{PARENT_BYTES / (LEAST_CHILDREN - 1):.1f}, since" in text
+    assert (NODES, LEAST_CHILDREN) == (8, 8)
+    assert f"A node is {NODE_BYTES} bytes and a treelet {TREELET_BYTES}." in text
 
 
 def keys(counts):

@@ -27,6 +27,7 @@ LAYERS = [
     {"phases"},
     {"tree"},
     {"budget", "traced_group"},
+    {"ordering_planning"},
     {"tracer"},
     {"render_state"},
     {"grid_tracer", "tree_tracer"},

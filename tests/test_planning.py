@@ -281,7 +281,11 @@ def test_a_plan_is_a_table_and_json(glass):
     text = str(planned)
     for words in ("19,200", "3 threads, sgb", "80 x 60", "4 samples, depth 5", "to make"):
         assert words in text
-    amounts, grids, phases, assumed = text.split("\n\n")
-    for table in (amounts, grids, phases):
+    amounts, grids, phases, ordering, assumed = text.split("\n\n")
+    for table in (amounts, grids, phases, ordering):
         assert len({len(line) for line in table.splitlines()}) == 1
     assert "estimates assume 1,000 MB/s" in assumed
+    assert facts["ordering"]["disk"] == planned.ordering.disk > 0
+    for words in ("spatial order", f"<= {planned.ordering.disk / 1e6:,.1f}", "to make"):
+        assert words in ordering
+    assert f"{ASSUMED.order_rate:,.0f} objects a second" in assumed

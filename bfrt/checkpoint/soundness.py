@@ -27,6 +27,7 @@ from bfrt.store.header import (
     optional,
     real,
     stream,
+    string,
     truth,
     vector,
     whole,
@@ -44,13 +45,6 @@ MANY = 1 << 63
 def text(value: Any) -> str:
     """Check a text that is not long."""
     if not isinstance(value, str) or len(value) > 200:
-        raise ValueError(f"found {value!r:.60}, expected a text")
-    return value
-
-
-def string(value: Any) -> str:
-    """Check a text, of whatever length."""
-    if not isinstance(value, str):
         raise ValueError(f"found {value!r:.60}, expected a text")
     return value
 
@@ -105,7 +99,7 @@ def channel(value: Any) -> str:
     return str(value)
 
 
-TRACER_FACTS = fields(group=whole(1 << 16), where=text, least=whole(1 << 31))
+TRACER_FACTS = fields(group=whole(1 << 16), where=text, quota=whole(1 << 31))
 STATS_FACTS = fields(marks_reused=truth, total=counters, depths=listed(counters))
 RENDER_FACTS = fields(
     band=whole(1 << 17),

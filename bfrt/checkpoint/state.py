@@ -22,7 +22,7 @@ from bfrt.streams.writer import view_of, write_all
 
 HEADER = "state.json"
 MAGIC = "bfrt checkpoint"
-FORMAT = 1
+FORMAT = 2
 
 #: Bytes that are written, and read, at once.
 BLOCK_BYTES = 1 << 20

@@ -65,7 +65,8 @@ def add_render(commands: Any) -> None:
     )  # fmt: skip
     made.add_argument(
         "--plan", action="store_true",
-        help="only print an estimate of passes, bytes, disk and seconds; nothing is written",
+        help="only print an estimate of passes, bytes, disk and seconds, and of what spatial order "
+        "would take; nothing is written",
     )  # fmt: skip
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
     made.add_argument("--stats", action=Once, metavar="FILE", help="write counters as JSON")

@@ -146,7 +146,7 @@ class Traversal:
         Rays so far that were NaN, infinite or without direction.
     crossings : AllHits, optional
         The receiver of all hits of each ray, if not only the nearest is wanted.
-    least : int
+    quota : int
         Candidates that each ray gets in the next pass at the least.
     """
 
@@ -154,7 +154,7 @@ class Traversal:
         self.pool = RayPool(capacity, candidates)
         self.crossings: AllHits | None = None
         self.bad = 0
-        self.least = FIRST_QUOTA
+        self.quota = FIRST_QUOTA
         self._workers = workers
         self._hits = np.empty((workers.threads, min(capacity, SETTLED)), HIT)
 
@@ -185,7 +185,7 @@ class Traversal:
         """Fill memory from the queue; rays without a candidate are finished, and counted here."""
         pool, finished = self.pool, 0
         if len(queue):
-            self.least = FIRST_QUOTA
+            self.quota = FIRST_QUOTA
         several = self._slabs.count > 1
         while len(queue) and pool.active < pool.capacity:
             base = pool.active
@@ -236,8 +236,8 @@ class Traversal:
             Whether it reads only what is near candidates.
         """
         room = self.pool.room
-        each = quota(self.least, read, self.active, len(room), selective=selective)
-        self.least = 2 * each
+        each = quota(self.quota, read, self.active, len(room), selective=selective)
+        self.quota = 2 * each
         self._walk(0, each, counters)
         self.voxel_rays.sort(room, self.pool.stored, self._workers)
 

@@ -31,17 +31,21 @@ cdef class Merger:
         The surface that a merged box has at the most: T A_all.
     most : int
         Boxes that are merged into one at the most.
+    least : int
+        Boxes that are merged into one whatever its surface, but for the last.
     """
 
     cdef Box box  # what is merged so far
     cdef double limit
     cdef int64_t most
+    cdef int64_t least
     cdef int64_t begin
     cdef int64_t end
 
-    def __cinit__(self, double limit, int64_t most):
+    def __cinit__(self, double limit, int64_t most, int64_t least=1):
         self.limit = limit
         self.most = most
+        self.least = least
         box_clear(&self.box)
 
     def merge(self, const float[:, ::1] boxes, Parent[::1] out):
@@ -67,7 +71,9 @@ cdef class Merger:
                 next = <const Box*>&boxes[i, 0]
                 both = box
                 box_add(&both, next)
-                if end == 0 or (area_of(&both) <= self.limit and end - begin < self.most):
+                if end == 0 or end - begin < self.least or (
+                    area_of(&both) <= self.limit and end - begin < self.most
+                ):
                     box = both
                 else:
                     (<Box*>&out[made].lox)[0] = box

@@ -80,6 +80,13 @@ def truth(value: Any) -> bool:
     return value
 
 
+def string(value: Any) -> str:
+    """Check a text, of whatever length."""
+    if not isinstance(value, str):
+        raise _wrong(value, "a text")
+    return value
+
+
 def real(value: Any) -> float:
     """Check a finite number."""
     if type(value) not in (int, float) or not abs(value) < math.inf:
@@ -236,4 +243,4 @@ HEADER_FIELDS = fields(
 )
 
 #: What was measured while a store was made: beside the header, which the same scene makes the same.
-MADE_FIELDS = fields(hierarchy_seconds=real, checksum=whole(1 << 32))
+MADE_FIELDS = fields(hierarchy_seconds=real, local=listed(string), checksum=whole(1 << 32))

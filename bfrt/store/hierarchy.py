@@ -19,6 +19,10 @@ grid, so it does not count here either.)
 Beyond the paper, the objects' boxes are kept a second time, quantised inside their parents
 (bfrt/geometry/quantised.pxd): marks are made of those, and rays meet them first: a
 quarter of the bytes.
+
+In spatial order `LEAST_CHILDREN` boxes or more are merged into one, whatever the surface: they lie
+together, and where objects are large and overlap, levels of a box for each would take more room
+than the objects.
 """
 
 from __future__ import annotations
@@ -41,6 +45,9 @@ from bfrt.streams.writer import FileWriter
 #: The most objects of a box of the first level, where theirs are quantised in it: so many wait
 #: until it is complete.
 MOST_CHILDREN = 4096
+
+#: The fewest boxes that are merged into one in spatial order, but for the last of a level.
+LEAST_CHILDREN = 8
 
 #: Bits of a quantised side, and of none.
 BITS = (8, 0)
@@ -131,6 +138,8 @@ class Level:
         Whether its files outlive a loss of power.
     quantised : bool
         Whether to keep the boxes below quantised, in a file of that name.
+    least : int
+        Boxes that are merged into one whatever its surface, but for the last.
 
     Attributes
     ----------
@@ -142,7 +151,9 @@ class Level:
         What `add` has taken.
     """
 
-    def __init__(self, path: Path, limit: float, durable: bool, *, quantised: bool = False) -> None:
+    def __init__(
+        self, path: Path, limit: float, durable: bool, *, quantised: bool = False, least: int = 1
+    ) -> None:
         self.path = path
         self.files: dict[str, FileWriter] = {}
         try:
@@ -153,7 +164,7 @@ class Level:
             raise
         self.count = 0
         self.seconds = 0.0
-        self._merger = Merger(limit, MOST_CHILDREN if quantised else 1 << 62)
+        self._merger = Merger(limit, MOST_CHILDREN if quantised else 1 << 62, least)
         self._waiting = np.empty((0, 6), np.float32)  # for their parent
         self._coded = 0
 
@@ -206,6 +217,8 @@ class HierarchyWriter:
         Whether its files outlive a loss of power.
     quantised : bool
         Whether to keep the objects' boxes quantised too.
+    least : int
+        Boxes that are merged into one whatever its surface, but for the last of a level.
 
     Attributes
     ----------
@@ -221,6 +234,7 @@ class HierarchyWriter:
         *,
         durable: bool,
         quantised: bool = False,
+        least: int = 1,
     ) -> None:
         self.levels: list[Level] = []
         self._folder = folder
@@ -228,6 +242,7 @@ class HierarchyWriter:
         self._surface = surface
         self._durable = durable
         self._quantised = quantised
+        self._least = least
         self._last = False  # whether the highest level so far has none above
 
     def begin(self, below: int) -> None:
@@ -236,7 +251,8 @@ class HierarchyWriter:
         ratio, self._last = self._settings.threshold(below, number)
         path, limit = self._folder / f"level{number}", ratio * self._surface
         quantised = self._quantised and number == 1
-        self.levels.append(Level(path, limit, self._durable, quantised=quantised))
+        level = Level(path, limit, self._durable, quantised=quantised, least=self._least)
+        self.levels.append(level)
 
     def add(self, boxes: NDArray[np.float32]) -> None:
         """Take the next boxes (n, 6) below the level that was begun."""

@@ -27,7 +27,7 @@ import os
 import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,17 +258,18 @@ def _is_whole(header: dict[str, Any], data: bytes) -> bool:
 
 
 def _store(folder: StoreFolder, header: dict[str, Any], digest: int) -> Store:
+    made = _made(folder)
     store = Store(
         folder=folder,
         origin=header["origin"],
         bounds=bounds_from(header["bounds"]),
-        groups=[_group(folder, number, g) for number, g in enumerate(header["groups"])],
+        groups=[_group(folder, number, g, made.local) for number, g in enumerate(header["groups"])],
         camera=header["camera"],
         lights=list(header["lights"]),
         background=header["background"],
         palette=FileFacts(**header["palette"]),
         hierarchy=Hierarchy(**header["hierarchy"]),
-        hierarchy_seconds=_made(folder),
+        hierarchy_seconds=made.hierarchy_seconds,
         checksum=digest,
         header_bytes=len(folder.header),
     )
@@ -280,27 +281,44 @@ def _store(folder: StoreFolder, header: dict[str, Any], digest: int) -> Store:
     return store
 
 
-def _made(folder: StoreFolder) -> float:
-    """Return the seconds that the hierarchy took."""
+class Made(NamedTuple):
+    """Holds what was measured while a store was made.
+
+    Attributes
+    ----------
+    hierarchy_seconds : float
+        What levels and order have taken.
+    local : tuple of str
+        The streams whose objects came in local order, as GROUP/KIND.
+    """
+
+    hierarchy_seconds: float
+    local: tuple[str, ...]
+
+
+def _made(folder: StoreFolder) -> Made:
+    """Return what was measured; a store that does not tell of order has none that is known."""
     file = folder.path / MADE
     data = folder.read(file)
     try:
         made = json.loads(data)
         if _is_whole(made, data):
-            return float(MADE_FIELDS(made)["hierarchy_seconds"])
+            facts = MADE_FIELDS({"local": [], **made})
+            return Made(facts["hierarchy_seconds"], facts["local"])
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         pass
     raise StoreError(f"{file}: the file is damaged: its checksum does not match")
 
 
-def _group(home: StoreFolder, number: int, group: dict[str, Any]) -> Group:
+def _group(home: StoreFolder, number: int, group: dict[str, Any], local: tuple[str, ...]) -> Group:
     streams = []
     for stream in group["streams"]:
         kind = Kind(stream["kind"])
         facts = {name: FileFacts(**f) for name, f in stream["files"].items()}
         rest = {k: v for k, v in stream.items() if k not in ("kind", "files")}
         folder = home.path / str(number) / kind.label
-        made = Stream(home, folder, group=number, kind=kind, files=facts, **rest)
+        in_order = f"{number}/{kind.label}" in local
+        made = Stream(home, folder, in_order, group=number, kind=kind, files=facts, **rest)
         made.check_header()
         streams.append(made)
     counts = {s.number: s.count for s in streams}

@@ -315,7 +315,8 @@ class StoreWriter(ViewWriter, RecordWriter):
     def _header(self, progress: DoneReport | None = None) -> dict[str, Any]:
         """Complete all other files; return what the header says."""
         records = self._close(progress)
-        self._put(MADE, {"hierarchy_seconds": self.hierarchy_seconds})
+        local = [name for group in self._written for name in group.local]
+        self._put(MADE, {"hierarchy_seconds": self.hierarchy_seconds, "local": local})
         return {
             "magic": MAGIC,
             "version": VERSION,

@@ -25,7 +25,7 @@ from bfrt.refusals import refused
 from bfrt.store.columns import prepare
 from bfrt.store.extent import Bounds
 from bfrt.store.header import facts_of
-from bfrt.store.hierarchy import Boxes, HierarchyWriter, Level
+from bfrt.store.hierarchy import LEAST_CHILDREN, Boxes, HierarchyWriter, Level
 from bfrt.store.making import Making
 from bfrt.store.material_column import READ_BACK_AT_ONCE
 from bfrt.store.model import Vector
@@ -33,8 +33,10 @@ from bfrt.store.ordering.files import ordered_folder, replace_folder
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.order import Keeping, Ordering
+from bfrt.store.ordering.room import room_beside
 from bfrt.store.store import bounds_from
 from bfrt.streams.atomic_write import sync_folder
+from bfrt.streams.free import check_free
 from bfrt.workers import ahead, usable_threads
 
 
@@ -79,6 +81,13 @@ class WrittenStream:
             "made": self.made,
             "ordering": ordering,
         }
+
+    @property
+    def ordered_bytes(self) -> int:
+        """Return the bytes of the windows in order that a run before has left."""
+        if self.ordering is None:
+            return 0
+        return sum(facts["bytes"] for facts in self.ordering["files"]["files"].values())
 
     @property
     def kind(self) -> Kind:
@@ -171,6 +180,11 @@ class WrittenGroup:
         return bounds_from(self._facts["bounds"])
 
     @property
+    def local(self) -> list[str]:
+        """Return the streams whose objects came in local order, as GROUP/KIND."""
+        return [f"{self._number}/{each.kind.label}" for each in self.streams if each.local]
+
+    @property
     def hierarchy_seconds(self) -> float:
         """Return what levels and order have taken."""
         return float(self._facts["seconds"])
@@ -183,9 +197,10 @@ class WrittenGroup:
     @property
     def unordered(self) -> int:
         """Return the number of objects that will be brought into another order."""
-        return sum(stream.count for stream in self.unmade if self._is_ordered(stream))
+        return sum(stream.count for stream in self.unmade if self.is_ordered(stream))
 
-    def _is_ordered(self, stream: WrittenStream) -> bool:
+    def is_ordered(self, stream: WrittenStream) -> bool:
+        """Tell whether a stream's objects are brought into order."""
         return stream.count > 0 and self._making.order != "given"
 
     def complete_begun(self, origin: Vector) -> None:
@@ -206,7 +221,7 @@ class WrittenGroup:
         """
         start = time.perf_counter()
         self._synced = False
-        if self._is_ordered(stream):
+        if self.is_ordered(stream):
             self._order(stream, origin, passes, between)
         else:
             hierarchy = stream.begun or hierarchy_over(
@@ -232,7 +247,7 @@ class WrittenGroup:
         stream.under_way = ordering
         hierarchy = HierarchyWriter(
             ordering.folder, self._making.hierarchy, self._facts["surface"],
-            durable=self._making.durable,
+            durable=self._making.durable, least=LEAST_CHILDREN,
         )  # fmt: skip
         try:
             with closing(ordering.boxes()) as boxes:
@@ -286,14 +301,28 @@ def make_all(
     unordered = sum(group.unordered for group in groups)
     passes = Passes(staged(progress, "ordering", unordered) if unordered else None)
     waiting: list[WrittenGroup] = []
-    for group in groups:
-        for stream in group.unmade:
-            group.make(stream, origin, passes, lambda: may_settle(False))
-            waiting.append(group)
-            if may_settle(False):
-                settle(waiting)
+    left = [(group, stream) for group in groups for stream in group.unmade]
+    for number, (group, stream) in enumerate(left):
+        check_room([each for own, each in left[number:] if own.is_ordered(each)], origin)
+        group.make(stream, origin, passes, lambda: may_settle(False))
+        waiting.append(group)
+        if may_settle(False):
+            settle(waiting)
     if waiting and may_settle(True):
         settle(waiting)
+
+
+def check_room(streams: list[WrittenStream], origin: Vector) -> None:
+    """Refuse a disk that has less room than it takes to bring some streams into order, in turn.
+
+    Raises
+    ------
+    DiskFullError
+        If it has; nothing of the first stream is written then.
+    """
+    if streams:
+        needed = room_beside(stream.given(origin).room(stream.local) for stream in streams)
+        check_free(streams[0].folder, needed - streams[0].ordered_bytes, "ordering with")
 
 
 def settle(groups: list[WrittenGroup]) -> None:

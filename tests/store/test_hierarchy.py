@@ -33,8 +33,8 @@ def area(lo, hi):
     return 2 * (x * y + y * z + z * x)
 
 
-def slow_merge(boxes, limit):
-    """The paper's steps 1 and 2, word for word."""
+def slow_merge(boxes, limit, least=1):
+    """The paper's steps 1 and 2, word for word; of fewer than `least` boxes no box is complete."""
     made, now = [], None
     for index, box in enumerate(boxes.astype(np.float64)):
         both = (
@@ -42,7 +42,8 @@ def slow_merge(boxes, limit):
             if now is None
             else np.concatenate([np.minimum(now[:3], box[:3]), np.maximum(now[3:], box[3:])])
         )
-        if now is None or area(both[:3], both[3:]) <= limit:
+        few = index - (made[-1][-1] if made else 0) < least
+        if now is None or few or area(both[:3], both[3:]) <= limit:
             now = both
         else:
             made.append((*now, index))
@@ -52,8 +53,8 @@ def slow_merge(boxes, limit):
     return made
 
 
-def merged(boxes, limit, cuts, most=1 << 62):
-    merger, parts = Merger(limit, most), []
+def merged(boxes, limit, cuts, most=1 << 62, least=1):
+    merger, parts = Merger(limit, most, least), []
     for a, b in itertools.pairwise([0, *cuts, len(boxes)]):
         out = np.empty(b - a, PARENT)
         parts.append(out[: merger.merge(boxes[a:b], out)])
@@ -68,6 +69,10 @@ def test_merging_is_the_papers(seed, n, data):
     boxes, limit = random_boxes(rng, n), 10.0 ** rng.uniform(-3, 3)
     cuts = sorted(data.draw(st.lists(st.integers(0, n), max_size=5)))
     assert merged(boxes, limit, cuts) == slow_merge(boxes, limit)
+    least = data.draw(st.integers(1, 12))
+    few = merged(boxes, limit, cuts, least=least)
+    assert few == slow_merge(boxes, limit, least)
+    assert len(few) <= -(-n // least)
 
 
 def test_a_parent_has_no_more_children_than_may_be():

@@ -7,7 +7,6 @@ import itertools
 import json
 import os
 import shutil
-import stat
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from boxes import boxes_of
 
 import bfrt
 from bfrt.cli.command import main
-from bfrt.errors import Cancelled, DiskFullError, SettingError, StoreError, StreamError
+from bfrt.errors import Cancelled, SettingError, StoreError, StreamError
 from bfrt.records import Kind
 from bfrt.store.header import header_text
 from bfrt.store.store import open_store
@@ -175,72 +174,6 @@ def test_progress_of_a_conversion_reads_and_then_orders(tmp_path):
     told.clear()
     bfrt.spd.balls(2).write(tmp_path / "b.bfrt", order="spatial", progress=told.append)
     assert [s for s, _ in itertools.groupby(d.stage for d in told)] == ["writing", "ordering"]
-
-
-@pytest.mark.parametrize(
-    "shape", ["random", "local", pytest.param("crowded", marks=pytest.mark.slow)]
-)
-def test_the_room_on_disk_is_told_beforehand(tmp_path, monkeypatch, shape):
-    """The bytes of all files at once are no more than were told, and not far below."""
-    monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 2000)
-    monkeypatch.setattr("bfrt.store.locality.TOGETHER", 2000)
-    for name in ("BUFFER_BYTES", "KEPT_BYTES"):
-        monkeypatch.setattr(f"bfrt.streams.writer.{name}", 1 << 12)
-    peak, needed = [0], [0]
-    monkeypatch.setattr(
-        "bfrt.store.ordering.order.check_free",
-        lambda folder, bytes, doing: needed.__setitem__(0, on_disk(tmp_path) + bytes),
-    )
-    real, calls = FileWriter.write, itertools.count()
-
-    def measured(self, data, **how):
-        real(self, data, **how)
-        if next(calls) % 48 == 0 and needed[0]:
-            peak[0] = max(peak[0], on_disk(tmp_path))
-
-    monkeypatch.setattr(FileWriter, "write", measured)
-    rng = np.random.default_rng(2)
-    n = 40_000
-    centers = rng.random((n, 3))
-    if shape == "local":
-        centers = centers[np.lexsort(np.floor(centers * 3).T)]
-    if shape == "crowded":  # more and more so, towards a corner
-        centers = 2.0 ** rng.uniform(-40, 0, (n, 1)) * [1.0, 1.0, 1.0]
-    triangles = centers[:, None] + rng.normal(0, 1e-3, (n, 3, 3)) * centers[:, :1, None]
-    for give in (
-        lambda writer: writer.spheres(centers.astype(np.float32), np.float32(1e-3)),
-        lambda writer: writer.triangles(triangles),
-    ):
-        peak[0] = needed[0] = 0
-        with StoreWriter(tmp_path / "a.bfrt", durable=False) as writer:
-            give(writer)
-        assert needed[0] / (4 if shape == "crowded" else 2) < peak[0] <= needed[0]
-
-
-def on_disk(folder):
-    """Bytes of the files in a folder, and of those without a name that this process has open."""
-    sizes = {}
-    named = [p for p in folder.rglob("*") if p.is_file()]
-    for path in [*named, *Path("/proc/self/fd").iterdir()]:
-        try:
-            found = path.stat()
-            here = path in named or str(folder) in str(path.readlink())
-        except OSError:
-            continue
-        if here and stat.S_ISREG(found.st_mode):
-            sizes[found.st_ino] = found.st_size
-    return sum(sizes.values())
-
-
-def test_a_disk_that_is_too_small_is_found_before(tmp_path, monkeypatch):
-    usage = shutil.disk_usage(tmp_path)
-    for free in (10, 10_000):
-        monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: usage._replace(free=free))
-        with pytest.raises(DiskFullError, match=r"ordering with \d+ bytes where \d+ are free"):
-            make(tmp_path / "a.bfrt")
-        assert not list(tmp_path.iterdir())
-        make(tmp_path / "a.bfrt", order="given")
-        shutil.rmtree(tmp_path / "a.bfrt")
 
 
 # --- what is left --------------------------------------------------------------------------------

@@ -52,17 +52,47 @@ print(int(status.split("VmHWM:")[1].split()[0]) // 1024)
 """
 
 
-def peak_of(path, shape, n):
+#: Makes float64 patches as given and in order; prints the plan's memory and the peak, in MiB.
+PLANNED = """
+import sys
+import numpy as np
+from bfrt.ordering_planning import ordering_of
+from bfrt.store.writer import StoreWriter
+from bfrt.store.store import open_store
+path, shape, n = sys.argv[1], sys.argv[2], int(sys.argv[3])
+for order in ("given", "spatial"):
+    rng = np.random.default_rng(0)
+    with StoreWriter(path + order, order=order, durable=False) as writer:
+        for first in range(0, n, 1 << 14):
+            k = min(1 << 14, n - first)
+            if shape == "patches":
+                corners = rng.random((k, 1, 3)) + rng.normal(0, 1e-3, (k, 3, 3))
+                writer.patches(corners, corners)
+            else:
+                writer.spheres(rng.random((k, 3), np.float32), np.float32(1e-3))
+print(ordering_of(open_store(path + "given")).memory // 2**20)
+status = open("/proc/self/status").read()
+print(int(status.split("VmHWM:")[1].split()[0]) // 1024)
+"""
+
+
+def told_by(code, path, shape, n):
+    """Return the numbers that a process prints."""
     source = str(Path(bfrt.__file__).parents[1])
     ended = subprocess.run(
-        [sys.executable, "-c", ORDERED, str(path), shape, str(n)],
+        [sys.executable, "-c", code, str(path), shape, str(n)],
         env={**os.environ, "PYTHONPATH": source, "MALLOC_ARENA_MAX": "2"},
         cwd=Path(path.anchor),
         capture_output=True,
         text=True,
     )
     assert ended.returncode == 0, ended.stderr
-    return int(ended.stdout)
+    return [int(line) for line in ended.stdout.split()]
+
+
+def peak_of(path, shape, n):
+    (peak,) = told_by(ORDERED, path, shape, n)
+    return peak
 
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux tells the peak")
@@ -76,6 +106,12 @@ def test_awkward_objects(tmp_path, shape):
 def test_large_polygons(tmp_path):
     """10,000 polygons, of which 200 have all the vertices: 48 MB of them."""
     assert peak_of(tmp_path / "a.bfrt", "large polygons", 10_000) <= 256
+
+
+@pytest.mark.parametrize(("shape", "n"), [("spheres", 600_000), ("patches", 400_000)])
+def test_a_plan_tells_the_memory(tmp_path, shape, n):
+    planned, peak = told_by(PLANNED, tmp_path / "a.bfrt", shape, n)
+    assert peak <= planned <= 2 * peak
 
 
 @pytest.mark.slow

@@ -35,9 +35,13 @@ class GivenFiles(NamedTuple):
     objects: int
     records: int
 
+    def amount(self, local: bool) -> Amount:
+        """Count what it has."""
+        return Amount(self.objects, self.records, local)
+
     def room(self, local: bool) -> Room:
         """Work out the room on disk of its ordering."""
-        return room_of(self.layout, Amount(self.objects, self.records, local))
+        return room_of(self.layout, self.amount(local))
 
     def blocks(self) -> Iterator[Objects]:
         """Yield all objects, in the order given."""

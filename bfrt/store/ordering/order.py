@@ -15,9 +15,7 @@ from bfrt.store.ordering.files import OrderedFiles, ordered_folder
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.objects import Objects
 from bfrt.store.ordering.parts import WINDOW, Means, Source, as_they_come, by_place
-from bfrt.store.ordering.room import room_beside
 from bfrt.store.ordering.windows import ordered
-from bfrt.streams.free import check_free
 from bfrt.workers import usable_threads
 
 Places = NDArray[np.int64]
@@ -78,8 +76,6 @@ class Ordering:
         self._local = local
         self._passes = passes
         self._source = Source(given.layout, self._blocks, around)
-        there = sum(f["bytes"] for f in saved["files"]["files"].values()) if saved else 0
-        check_free(given.folder, room_beside([given.room(local)]) - there, "ordering with")
         folder = ordered_folder(given.folder)
         self._files = OrderedFiles(
             folder, given.layout, given.objects, keeping.durable, saved and saved["files"]

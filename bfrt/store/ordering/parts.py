@@ -3,8 +3,8 @@
 The cells of a grid are counted first. Runs of cells along a Morton curve that have few enough
 objects are a part each, and get their region in one file; a second pass brings the objects there.
 A part of more than a window's weight is parted again, by a grid around its own. One that has most
-of the objects gets no region: it is picked out of all of them again, so that all regions together
-take no more than twice the objects' bytes.
+of the objects' bytes gets no region: it is picked out of all of them again, so that all regions
+together take no more than twice those.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bfrt.store.extent import NOTHING, Bounds, bounds_of
 from bfrt.store.ordering._loops import codes_of
 from bfrt.store.ordering.objects import Layout, Objects, joined
-from bfrt.store.ordering.regions import Regions
+from bfrt.store.ordering.regions import Regions, object_bytes
 from bfrt.workers import ahead
 
 #: Bits on each axis of the cells that are counted.
@@ -117,17 +117,19 @@ def by_place(source: Source, means: Means) -> Generator[Objects, None, None]:
     counted = [np.bincount(part_of, each, parts).astype(np.int64) for each in (objects, records)]
     heavy = np.bincount(part_of, weights, parts) > means.window
     filled = np.flatnonzero(counted[0]).tolist()
-    most = int(counted[0].argmax())
-    picked = most if heavy[most] and 2 * counted[0][most] > counted[0].sum() else -1
+    layout = source.layout
+    sizes = counted[0] * object_bytes(layout) + counted[1] * layout.stride
+    most = int(sizes.argmax())
+    picked = most if heavy[most] and 2 * sizes[most] > sizes.sum() else -1
     if picked >= 0:
         counted[0][picked] = counted[1][picked] = 0
-    regions = Regions(source.layout, counted[0], counted[1], means.scratch)
+    regions = Regions(layout, counted[0], counted[1], means.scratch)
     try:
         around = _fill(regions, part_of, heavy, source, means)
         for part in filled:
             if heavy[part]:
                 reader = regions.reader(part) if part != picked else picker
-                yield from by_place(Source(source.layout, reader, around[part]), means)
+                yield from by_place(Source(layout, reader, around[part]), means)
             else:
                 yield joined(list(regions.reader(part)()))
     finally:
