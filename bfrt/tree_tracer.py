@@ -22,7 +22,7 @@ from bfrt.budget import TreeCapacities
 from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.phases.flight import Pool, restore_flight, save_flight
 from bfrt.phases.preprocess import padding_of
-from bfrt.phases.traversal import ADMITTED, FIRST_QUOTA, Queue, Sinks
+from bfrt.phases.traversal import ADMITTED, Queue, Sinks
 from bfrt.records import HIT
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
@@ -32,6 +32,11 @@ from bfrt.tracer import Outcome, Tell, Tracer
 from bfrt.tree.casting import TreeCaster
 from bfrt.tree.forest import Forest
 from bfrt.tree.rays import RAYS_AT_ONCE, TreeIntersector, TreeRays
+
+#: Treelets that a ray meets in its first pass at the most, and how many times as many in each that
+#: follows: most rays end soon, and each pass costs the others their way from the top again.
+FIRST_QUOTA = 4
+GROWTH = 4
 
 #: Rays that go down at once; treelets that a thread takes at once.
 DESCENDING = 1024
@@ -122,7 +127,7 @@ class TreeTracer(Tracer):
                 if not self.resident:
                     each = max(1, min(self._quota, rays.room // max(1, rays.active)))
                     self._collect(each, counters)
-                    self._quota = 2 * each
+                    self._quota = GROWTH * each
             with phases.intersection.timed():
                 if self.resident:
                     self._descend(counters)
