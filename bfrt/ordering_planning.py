@@ -45,12 +45,14 @@ def ordering_of(store: Store) -> OrderingPlan | None:
 def memory_of(stream: Stream, threads: int) -> int:
     """Return about the most bytes of memory that the ordering of a stream takes, all included.
 
-    Windows wait, as they come and in order, with the nodes of the latter, and a thread builds one.
+    Windows wait, as they come and in order, with the nodes of the latter, and threads build some.
     """
     counted = stream.kind.counted
-    weight = min(WINDOW, stream.count + (stream.vertices // WEIGHING if counted else 0))
-    record = stream.stride * (WEIGHING if counted else 1)
-    geometry = max(weight * record, stream.largest * stream.stride)
-    nodes = NODES * NODE_BYTES // NODES_OBJECTS
-    window = 2 * (geometry + weight * (BESIDE_BYTES + BOX_BYTES)) + weight * nodes
-    return BASELINE + (threads + WAITING) * window + threads * weight * BUILD_BYTES
+    records = stream.vertices if counted else stream.count
+    weight = stream.count + (records // WEIGHING if counted else 0)
+    waiting, built = (min(n * WINDOW, weight) for n in (threads + WAITING, threads))
+    most = max(waiting * (WEIGHING if counted else 1), (threads + WAITING) * stream.largest)
+    geometry = min(records, most) * stream.stride
+    nodes = waiting * NODES * NODE_BYTES // NODES_OBJECTS
+    windows = 2 * (geometry + waiting * (BESIDE_BYTES + BOX_BYTES)) + nodes
+    return BASELINE + windows + built * BUILD_BYTES
