@@ -183,7 +183,8 @@ def stadium(size: int, runs: int) -> None:
             found = [rendered(store, Path(name), **settings) for _ in range(runs)]
             seconds = float(np.median([f["seconds"] for f in found]))
             print(
-                f"{refine}, {groups} groups: {scene.objects + len(seats):,} objects, {seconds:.2f} s, "
+                f"{refine}, {groups} groups: {scene.objects + len(seats):,} objects, "
+                f"{seconds:.2f} s, "
                 f"{found[0]['box_tests'] / 1e6:,.1f} million box tests",
                 flush=True,
             )

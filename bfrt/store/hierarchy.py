@@ -65,6 +65,7 @@ class Hierarchy:
         The size of a merged box, more than 0: boxes are merged, in the order of the objects, while
         the surface of the result is at most that of a cube of s voxels a side, in a grid of as many
         voxels as there are boxes. That is T = (s / N^(1/3))^2 of the grid's surface for N boxes.
+        In spatial order eight are merged in any case.
     n : int
         A level over n boxes or fewer is the last; 1 or more.
     l : int
