@@ -235,7 +235,8 @@ def test_damaged_ends_of_polygons_are_told_as_such(tmp_path, refine):
 def test_seven_levels_of_everything(tmp_path):
     """A chain in which each level has one box less is walked to its end."""
     centers = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
-    with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=Hierarchy(s=1e-6, n=1, l=8, t=0.0)) as w:
+    chain = Hierarchy(s=1e-6, n=1, l=8, t=0.0)
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", hierarchy=chain, order="given") as w:
         w.spheres(centers, 0.4)
     store = open_store(tmp_path / "a.bfrt")
     assert store.streams[0].levels == (9,) * 8
