@@ -73,7 +73,7 @@ class Assumptions:
     test_rate: float = 4e7
     tests: float = 30.0
     tree_passes_full: float = 1.2
-    tree_left: float = 0.025
+    tree_left: float = 0.04
     entered: float = 1.0
     seen: float = 0.5
     tree_rate: float = 6e5

@@ -36,7 +36,7 @@ from bfrt.tree.rays import RAYS_AT_ONCE, TreeIntersector, TreeRays
 #: Treelets that a ray meets in its first pass at the most, and how many times as many in each that
 #: follows: most rays end soon, and each pass costs the others their way from the top again.
 FIRST_QUOTA = 4
-GROWTH = 4
+GROWTH = 2
 
 #: Rays that go down at once; treelets that a thread takes at once.
 DESCENDING = 1024
