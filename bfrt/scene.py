@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -15,14 +14,13 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bfrt.budget import NO_FRAME, Capacities, capacities
+from bfrt.budget import capacities
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of, identity_of_render
 from bfrt.checkpoint.soundness import QUERY_FACTS, RENDER_FACTS
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
-from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
 from bfrt.planned import Plan
 from bfrt.planning import plan_of
@@ -34,19 +32,16 @@ from bfrt.queries.rays import Given
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import picture_of
+from bfrt.session import Divide, Session
 from bfrt.settings import FINEST, TREE, Settings
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store, open_store
 from bfrt.store.writer import StoreWriter
-from bfrt.tracer import Tracer
 from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, View
 
 PathLike = str | os.PathLike[str]
-
-#: Divides the budget of settings, for a scene and a frame.
-Divide = Callable[[Store, Settings, FrameSize], Capacities]
 
 
 @dataclass(frozen=True)
@@ -90,17 +85,13 @@ class Scene:
         The open store: groups, streams, files.
     """
 
-    _kept: Tracer | None = None
-
     def __init__(self, store: Store, divide: Divide = capacities) -> None:
         self.store = store
-        self._divide = divide
-        # A query may be asked, and the scene closed, by what a query calls: blocks, progress.
-        self._busy = threading.RLock()
+        self._session = Session(store, divide)
 
-    def __reduce__(self) -> tuple[type[Scene], tuple[Store, Divide]]:
+    def __reduce__(self) -> tuple[Callable[[Store, Divide], Scene], tuple[Store, Divide]]:
         """Reduce to the store: copies, and what another process is sent, prepare for themselves."""
-        return Scene, (self.store, self._divide)
+        return Scene, (self.store, self._session.divide)
 
     def __repr__(self) -> str:
         return f"<Scene {str(self.path)!r}: {self.objects:,} objects>"
@@ -193,27 +184,7 @@ class Scene:
 
     def close(self) -> None:
         """Release what queries have prepared: threads, memory, open files. May be repeated."""
-        with self._busy:
-            self._forget()
-
-    def __del__(self) -> None:
-        self._forget()
-
-    def _forget(self) -> None:
-        kept, self._kept = self._kept, None
-        if kept is not None:
-            kept.close()
-
-    def _make_room(self) -> None:
-        """Release what queries have prepared, to make room for a render, unless it is in use."""
-        if self._busy.acquire(blocking=False):
-            try:
-                self._forget()
-            finally:
-                self._busy.release()
-
-    def _tracer(self, settings: Settings) -> Tracer:
-        return tracer_of(self.store, settings, self._divide(self.store, settings, NO_FRAME))
+        self._session.close()
 
     def _refinement(self, asked: str | None, *of_grid: int | bool | None) -> str:
         """Return the refinement asked for, or the one for this store and settings of a grid."""
@@ -226,40 +197,6 @@ class Scene:
             return asked
         gridded = any(value is not None and value is not False for value in of_grid)
         return TREE if self.store.ordered and not gridded else FINEST
-
-    @contextmanager
-    def _session(self, settings: Settings) -> Iterator[Tracer]:
-        """Yield a tracer of these settings: the kept one where it fits and is free.
-
-        One that was broken off is not kept, and neither is one whose marks had to be fresh.
-        """
-        with self.store.folder.session(), self._free_tracer(settings) as tracer:
-            yield tracer
-
-    @contextmanager
-    def _free_tracer(self, settings: Settings) -> Iterator[Tracer]:
-        """Yield a tracer that no other query uses."""
-        if not self._busy.acquire(blocking=False):
-            with self._tracer(settings) as other:
-                yield other
-            return
-        try:
-            if self._kept is None or not self._kept.serves(settings):
-                self._forget()
-                self._kept = self._tracer(settings)
-            tracer, self._kept = self._kept, None
-            try:
-                yield tracer
-            except BaseException:
-                tracer.close()
-                raise
-            if settings.fresh_marks:
-                tracer.close()
-            else:
-                self._forget()
-                self._kept = tracer
-        finally:
-            self._busy.release()
 
     def _inside(self, settings: Settings, doing: str) -> AbstractContextManager[None]:
         """Name a lack of memory in a block by what is done, and the budget."""
@@ -431,8 +368,8 @@ class Scene:
                 work = identity_of_render(self.store, view, settings)
                 found = kept.find(work, RENDER_FACTS)
                 frame = frame._replace(band=0 if found is None else found.facts["rows"])
-            plan = self._divide(self.store, settings, frame)
-            self._make_room()
+            plan = self._session.divide(self.store, settings, frame)
+            self._session.make_room()
             folder = None if kept is None else kept.folder
             with (
                 self.store.folder.session(),
@@ -481,7 +418,7 @@ class Scene:
         view = View.of(self.store, camera, samples, depth, aovs).sized(resolution)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        held = self._divide(self.store, settings, view.frame)
+        held = self._session.divide(self.store, settings, view.frame)
         return plan_of(self.store, view, settings, held, kept=checkpoint is not None)
 
     def cast_rays(
@@ -554,7 +491,7 @@ class Scene:
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.NEAREST.answer(self._session, question, settings)
+            return casting.NEAREST.answer(self._session.tracer, question, settings)
 
     def occluded(
         self,
@@ -621,7 +558,7 @@ class Scene:
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.ANY_HIT.answer(self._session, question, settings)
+            return casting.ANY_HIT.answer(self._session.tracer, question, settings)
 
     def count_intersections(
         self,
@@ -688,7 +625,7 @@ class Scene:
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.COUNT.answer(self._session, question, settings)
+            return casting.COUNT.answer(self._session.tracer, question, settings)
 
     def list_intersections(
         self,
@@ -754,7 +691,7 @@ class Scene:
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.LIST.answer(self._session, question, settings)
+            return casting.LIST.answer(self._session.tracer, question, settings)
 
 
 class SceneWriter(StoreWriter):
