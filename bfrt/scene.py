@@ -18,6 +18,11 @@ from bfrt.budget import capacities
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of, identity_of_render
 from bfrt.checkpoint.soundness import QUERY_FACTS, RENDER_FACTS
+from bfrt.cluster import bands
+from bfrt.cluster.asked import Asked
+from bfrt.cluster.blocks import Local, lazy_answer
+from bfrt.cluster.engine import client_of, is_lazy
+from bfrt.cluster.place import Place
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
@@ -42,6 +47,9 @@ from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, View
 
 PathLike = str | os.PathLike[str]
+
+#: A ``dask.distributed.Client``, True for the current one, or None for none.
+Client = Any
 
 
 @dataclass(frozen=True)
@@ -89,9 +97,16 @@ class Scene:
         self.store = store
         self._session = Session(store, divide)
 
-    def __reduce__(self) -> tuple[Callable[[Store, Divide], Scene], tuple[Store, Divide]]:
-        """Reduce to the store: copies, and what another process is sent, prepare for themselves."""
-        return Scene, (self.store, self._session.divide)
+    def __copy__(self) -> Scene:
+        """Return a scene of the same store, which prepares for itself."""
+        return Scene(self.store, self._session.divide)
+
+    def __deepcopy__(self, _: object) -> Scene:
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Callable[[Place, Divide], Scene], tuple[Place, Divide]]:
+        """Reduce to the place of the store, which another process opens for itself."""
+        return _sent, (Place.of(self.store), self._session.divide)
 
     def __repr__(self) -> str:
         return f"<Scene {str(self.path)!r}: {self.objects:,} objects>"
@@ -284,6 +299,7 @@ class Scene:
         progress: bool | Report = False,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
+        client: Client = None,
     ) -> Image:
         """Render the scene.
 
@@ -337,6 +353,12 @@ class Scene:
         every : float
             Seconds between two saves of that state at the least; they take no more than 2 % of the
             time. 0 saves after each pass, whatever that takes.
+        client : dask.distributed.Client, or True, optional
+            The workers of a cluster render bands of rows each; True is the current client. The
+            store has the same path on all of them. `memory`, `threads` and `scratch` are each
+            worker's: by default a quarter of its memory limit, and all its threads. A checkpoint
+            is refused. `progress` gets the sum of all bands and depths. By default this process
+            renders.
 
         Returns
         -------
@@ -360,6 +382,9 @@ class Scene:
         """
         view = View.of(self.store, camera, samples, depth, aovs)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if client is not None and client is not False:
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return self._render_by(client, view, asked, progress, checkpoint)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         reported, inside = reporting(progress), self._inside(settings, "rendering")
         with reported as report, inside, keeping(checkpoint, every) as kept:
@@ -376,6 +401,24 @@ class Scene:
                 tracer_of(self.store, settings, plan, folder) as tracer,
             ):
                 return picture_of(tracer, view, report, kept)
+
+    def _render_by(
+        self,
+        client: Client,
+        view: View,
+        asked: Asked,
+        progress: bool | Report,
+        checkpoint: PathLike | Checkpoint | None,
+    ) -> Image:
+        """Render by the workers of a cluster."""
+        if checkpoint is not None:
+            raise SettingError(
+                "checkpoint: found one with a client, expected None: bands that are finished are "
+                "kept by the cluster, and only a worker's own are done again"
+            )
+        with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
+            heard = None if progress is False else report
+            return bands.render(client_of(client), self.store, view, asked, heard)
 
     def plan(
         self,
@@ -486,6 +529,10 @@ class Scene:
         for bit, for every memory budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("cast_rays", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "cast_rays", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -553,6 +600,10 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("occluded", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "occluded", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -620,6 +671,10 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("count_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "count_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -686,6 +741,10 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("list_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "list_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -739,16 +798,21 @@ def open_scene(path: PathLike) -> Scene:
         return Scene(open_store(path))
 
 
-Asked = ParamSpec("Asked")
+def _sent(place: Place, divide: Divide) -> Scene:
+    """Open a scene that another process has sent."""
+    return Scene(place.open(), divide)
+
+
+Passed = ParamSpec("Passed")
 Told = TypeVar("Told")
 
 
 def of_scene(
-    method: Callable[Concatenate[Scene, Asked], Told],
-) -> Callable[Concatenate[Scene | PathLike, Asked], Told]:
+    method: Callable[Concatenate[Scene, Passed], Told],
+) -> Callable[Concatenate[Scene | PathLike, Passed], Told]:
     """Make a method of `Scene` a function, whose first argument is a scene or a store's path."""
 
-    def function(scene: Scene | PathLike, *args: Asked.args, **settings: Asked.kwargs) -> Told:
+    def function(scene: Scene | PathLike, *args: Passed.args, **settings: Passed.kwargs) -> Told:
         if isinstance(scene, Scene):
             return method(scene, *args, **settings)
         with open_scene(scene) as opened:
