@@ -61,7 +61,7 @@ def lazy_rays(origins: Any, directions: Any, t_min: Any, t_max: Any) -> LazyRays
     if directions is None:
         raise SettingError("directions: found none, expected an array, as origins is one")
     given = origins, directions, t_min, t_max
-    chunks = next(each.chunks[0] for each in given if is_lazy(each) and each.ndim)
+    chunks = next((each.chunks[0] for each in given if is_lazy(each) and each.ndim), ())
     o, d = _rows("origins", origins, chunks), _rows("directions", directions, chunks)
     if o.numblocks != d.numblocks or not _same(o.shape, d.shape):
         raise SettingError(
@@ -90,17 +90,22 @@ def _column(name: str, given: Any, n: float, chunks: tuple[float, ...]) -> Any:
             return float(number)
         raise SettingError(f"{name}: found {given!r:.80}, expected a number or (n,)")
     array = _blocks(name, given, (chunks,))
-    if array.dtype.kind not in "fiu" or array.ndim != 1 or not _same(array.shape, (n,)):
-        raise SettingError(
-            f"{name}: found {array.dtype} of shape {array.shape}, expected a number or ({n},)"
-        )
-    return _in_blocks(array, {0: chunks})
+    if array.dtype.kind in "fiu" and array.ndim == 1 and _same(array.shape, (n,)):
+        array = _in_blocks(array, {0: chunks})
+        if array.numblocks == (len(chunks),):
+            return array
+    raise SettingError(
+        f"{name}: found {array.dtype} of shape {array.shape}, expected a number or ({n},) in the "
+        "blocks of the rays"
+    )
 
 
 def _blocks(name: str, given: Any, chunks: Any) -> Any:
     """Return a dask array of what may be an array of NumPy's."""
     if is_lazy(given):
         return given
+    if chunks[0] == ():
+        raise SettingError("rays: found a dask array of no axis, expected (n,) or (n, 3)")
     if not isinstance(given, np.ndarray):
         raise SettingError(
             f"{name}: found {type(given).__name__} with dask arrays, expected an array"
