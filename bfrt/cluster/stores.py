@@ -17,6 +17,9 @@ from bfrt.cluster.worker import at_end_of_worker, this_worker
 from bfrt.errors import StoreError, StreamError
 from bfrt.session import Session
 
+#: Stores that stay open: a header and a descriptor each.
+MOST_OPEN = 16
+
 
 class OpenStores:
     """Keeps sessions on stores until the process ends, or its worker does."""
@@ -52,6 +55,8 @@ class OpenStores:
             elif other != place:
                 session.make_room()
         if place not in self._sessions:
+            if len(self._sessions) >= MOST_OPEN:
+                self._forget(next(iter(self._sessions)))
             try:
                 self._sessions[place] = Session(place.open())
             except StreamError as error:

@@ -224,6 +224,17 @@ def test_only_the_last_session_is_kept(paths):
     opened.close()
 
 
+def test_few_stores_stay_open(scene, monkeypatch, tmp_path):
+    monkeypatch.setattr(stores, "MOST_OPEN", 2)
+    opened = stores.OpenStores()
+    for name in "abc":
+        shutil.copytree(scene.path, tmp_path / name)
+        with opened.lent(stores.Place.of(bfrt.open(tmp_path / name).store)):
+            pass
+    assert [place.path for place in opened._sessions] == [f"{tmp_path}/b", f"{tmp_path}/c"]
+    opened.close()
+
+
 def test_sessions_are_closed_when_a_worker_ends(scene):
     gc.collect()
     before = sum(name.startswith("bfrt") for name in thread_names())
