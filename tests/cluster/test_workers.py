@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import signal
+import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -132,6 +133,14 @@ def test_more_memory_than_a_worker_has(shared_client, scene, ask):
         "or ended beyond that",
         str(caught.value),
     )
+
+
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="errors have no notes before Python 3.11")
+def test_other_errors_have_a_note(shared_client, scene):
+    with pytest.raises(BudgetError, match=r"expected \d+MiB or more") as caught:
+        scene.render(memory="1MiB", client=shared_client)
+    (note,) = caught.value.__notes__
+    assert re.fullmatch(r"found by worker \d+ \(tcp://[\d.:]+\)", note)
 
 
 def test_the_default_budget_is_a_quarter_of_the_workers(shared_client, scene):
