@@ -37,6 +37,7 @@ OFFERED = {
     "cast_rays": "bfrt.scene:cast_rays",
     "clean": "bfrt.cleaning:clean",
     "convert": "bfrt.conversion.convert:convert",
+    "copy_store": "bfrt.cluster.copies:copy_store",
     "count_intersections": "bfrt.scene:count_intersections",
     "framing_camera": "bfrt.scene:framing_camera",
     "list_intersections": "bfrt.scene:list_intersections",

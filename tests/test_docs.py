@@ -13,6 +13,7 @@ import pytest
 import bfrt
 from bfrt import records
 from bfrt.cli import parser
+from bfrt.cluster.counters import ClusterStats
 from bfrt.ordering_planning import memory_of
 from bfrt.records import NODE_BYTES, PARENT_BYTES, TREELET_BYTES, Kind
 from bfrt.stats import Stats
@@ -103,7 +104,7 @@ def keys(counts):
 
 
 def test_every_counter_is_on_the_page():
-    counted = Stats(objects=0, scene_bytes=0, settings={}).as_dict()
+    counted = ClusterStats(objects=0, scene_bytes=0, settings={}).as_dict()
     text = page("counters")
     assert [key for key in keys(counted) if f"``{key}``" not in text] == []
 
