@@ -3,7 +3,6 @@
 from bfrt import spd
 from bfrt.cleaning import clean
 from bfrt.cluster.copies import copy_store
-from bfrt.cluster.copies import copy_store
 from bfrt.conversion.convert import convert
 from bfrt.errors import (
     BfrtError,
@@ -64,7 +63,6 @@ __all__ = [
     "cast_rays",
     "clean",
     "convert",
-    "copy_store",
     "copy_store",
     "count_intersections",
     "framing_camera",

@@ -16,7 +16,6 @@ from bfrt.cli import parser
 from bfrt.cluster.counters import ClusterStats
 from bfrt.ordering_planning import memory_of
 from bfrt.records import NODE_BYTES, PARENT_BYTES, TREELET_BYTES, Kind
-from bfrt.stats import Stats
 from bfrt.store.hierarchy import LEAST_CHILDREN
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.room import (
