@@ -22,6 +22,7 @@ from bfrt.conversion.sources import (
     sources_of,
 )
 from bfrt.errors import SceneError
+from bfrt.formats.raster.reader import read_raster
 from bfrt.formats.reading import RGB, Reading, Uses
 from bfrt.formats.room import need_of, rooms_for
 from bfrt.formats.source import Report
@@ -93,7 +94,7 @@ class Conversion:
         first = self.first_scene
         return Writing(
             self.target,
-            "float32" if self.is_plain and self.dtype is None else self.dtype,
+            "float32" if self.is_narrow and self.dtype is None else self.dtype,
             (0.0, 0.0, 0.0) if self.is_plain else None,
             self.hierarchy or (Hierarchy() if first is None else first.hierarchy),
             self.order,
@@ -109,6 +110,12 @@ class Conversion:
             "order": how.order,
             **self.reading.settings,
         }
+
+    @property
+    def is_narrow(self) -> bool:
+        """Tell whether geometry is float32 where nothing else is asked for."""
+        readers = {s.reader if isinstance(s, SceneFile) else None for s in self.sources}
+        return self.is_plain or readers == {read_raster}
 
     @property
     def is_plain(self) -> bool:
@@ -135,6 +142,9 @@ def convert(
     triangulate: bool = False,
     polygons: bool = False,
     external_storage: bool = False,
+    band: int | None = None,
+    height_scale: float | None = None,
+    curvature: float | None = None,
     progress: DoneReport | None = None,
     durable: bool = True,
     checkpoint: PathLike | Checkpoint | None = None,
@@ -145,17 +155,18 @@ def convert(
     Parameters
     ----------
     source : path-like, or sequence of path-like
-        A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, "-" for NFF from
-        standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group
-        with a grid of its own, which suits a small dense thing in a large sparse one. The view, the
-        lights and the background are the first file's. A setting applies to the files that use it.
+        A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, a raster of heights
+        (.tif and others that GDAL opens), "-" for NFF from standard input, or ``spd:NAME:SIZE`` for
+        a standard scene. Of several, each becomes a group with a grid of its own, which suits a
+        small dense thing in a large sparse one. The view, the lights and the background are the
+        first file's. A setting applies to the files that use it.
     target : path-like
         The store to make. An existing store is replaced when the new one is complete; anything
         else is refused.
     dtype : {None, "float32", "float64"}
         The type that geometry is stored as. None keeps the file's own: float32 or float64 by its
         types, and float64 for text without types (OBJ, text STL). If all sources are NFF or
-        standard scenes, None is float32.
+        standard scenes, or all are rasters, None is float32.
     hierarchy : Hierarchy, optional
         Settings of the box hierarchy. By default `Hierarchy`'s, and for a standard scene the
         paper's settings for that scene.
@@ -196,6 +207,15 @@ def convert(
         Follow HDF5's external storage: rows that are in files of any kind, which a dataset names.
         It reads whatever this process may read: it is for files that one trusts. By default such a
         dataset is refused.
+    band : int, optional
+        The band of a raster that has the heights, from 1. By default the first.
+    height_scale : float, optional
+        What heights of a raster are multiplied by, so that they are in units of x and y. It is
+        asked for where those are degrees.
+    curvature : float, optional
+        The part of the earth's curvature by which a raster's heights are lowered, from its middle:
+        1 for all of it, 1 - k where the air bends light by the refraction k, as gdal_viewshed's
+        -cc. Lines of sight are straight then, between any two points. By default 0.
     progress : callable, optional
         Called with the number of bytes read so far, of all files; and after that, of a store in
         spatial order, with the number of objects that are in order. The number is a
@@ -249,6 +269,9 @@ def convert(
         triangulate=triangulate,
         polygons=polygons,
         external_storage=external_storage,
+        band=band,
+        height_scale=height_scale,
+        curvature=curvature,
         scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
     )

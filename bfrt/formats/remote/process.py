@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import importlib.util
 import io
 import json
 import math
@@ -186,3 +187,11 @@ def _raise_error(words: list[Any]) -> None:
         if kind not in ERRORS:
             raise Ended
         raise ERRORS[kind](*made)
+
+
+def is_installed(module: str) -> bool:
+    """Tell whether a module can be imported, without doing so."""
+    try:
+        return sys.modules.get(module) is not None or importlib.util.find_spec(module) is not None
+    except ValueError:  # it is None there
+        return False
