@@ -35,6 +35,7 @@ from bfrt.scene import open_scene as open
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
 from bfrt.streams.litter import Litter
+from bfrt.terrain.viewshed import viewshed
 
 __all__ = [
     "Answer",
@@ -70,4 +71,5 @@ __all__ = [
     "plan",
     "render",
     "spd",
+    "viewshed",
 ]

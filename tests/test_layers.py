@@ -39,6 +39,7 @@ LAYERS = [
     {"scene", "cleaning"},
     {"spd"},
     {"conversion"},
+    {"terrain"},
     {"api"},
     {"__init__"},
     {"cli"},

@@ -185,7 +185,7 @@ def read_raster(path: str, sink: SceneSink, reading: Reading, report: Report | N
             f"{path}: found color_by={reading.color_by!r}, expected {HEIGHT!r}, which a raster has"
         )
     if not is_installed("rasterio"):
-        raise SettingError(f"{path}: rasters need rasterio: install bfrt[raster]")
+        raise SettingError(f"{path}: found no rasterio, expected it: install bfrt[raster]")
     with Source(path) as source:
         size = source.size
     with closing(opened(path, reading)) as raster:
