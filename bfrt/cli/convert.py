@@ -91,6 +91,7 @@ def convert_input(
             band=options.band,
             height_scale=options.height_scale,
             curvature=options.curvature,
+            floor=options.floor,
             progress=progress,
             durable=durable,
             checkpoint=None if kept is None else kept.folder,

@@ -14,7 +14,7 @@ from bfrt.store.making import Order
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
     "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate", "polygons", "external_storage", "band", "height_scale", "curvature",
+    "triangulate", "polygons", "external_storage", "band", "height_scale", "curvature", "floor",
 )  # fmt: skip
 
 
@@ -97,6 +97,10 @@ def add_raster(group: Any) -> None:
     group.add_argument(
         "--curvature", type=float, metavar="PART",
         help="of the earth, by which a raster's heights are lowered, as gdal_viewshed's -cc",
+    )  # fmt: skip
+    group.add_argument(
+        "--floor", type=float, metavar="Z",
+        help="height down to which walls stand around cells that a raster has not",
     )  # fmt: skip
 
 

@@ -145,6 +145,7 @@ def convert(
     band: int | None = None,
     height_scale: float | None = None,
     curvature: float | None = None,
+    floor: float | None = None,
     progress: DoneReport | None = None,
     durable: bool = True,
     checkpoint: PathLike | Checkpoint | None = None,
@@ -216,6 +217,10 @@ def convert(
         The part of the earth's curvature by which a raster's heights are lowered, from its middle:
         1 for all of it, 1 - k where the air bends light by the refraction k, as gdal_viewshed's
         -cc. Lines of sight are straight then, between any two points. By default 0.
+    floor : float, optional
+        A height, in units of x and y, down to which walls stand around the cells that a raster has
+        not: a line of sight that comes through there does not pass below the ground beside. By
+        default there are none.
     progress : callable, optional
         Called with the number of bytes read so far, of all files; and after that, of a store in
         spatial order, with the number of objects that are in order. The number is a
@@ -272,6 +277,7 @@ def convert(
         band=band,
         height_scale=height_scale,
         curvature=curvature,
+        floor=floor,
         scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
     )

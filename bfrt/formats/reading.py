@@ -21,7 +21,7 @@ PAINTED = ("color_by", "colormap", "color_range", "skip_invalid")
 POINTS = ("radius", *PAINTED)
 
 #: Those of rasters.
-RASTERS = ("band", "height_scale", "curvature", *PAINTED)
+RASTERS = ("band", "height_scale", "curvature", "floor", *PAINTED)
 
 
 #: Settings that every file uses.
@@ -86,6 +86,8 @@ class Reading:
         What heights of a raster are multiplied by, so that they are in units of x and y.
     curvature : float, optional
         The part of the earth's curvature by which a raster's heights are lowered, as GDAL's -cc.
+    floor : float, optional
+        A height down to which walls stand around missing cells of a raster.
     room : int
         Bytes that a mesh's vertices may take; those of one that has more are joined on disk.
     scratch : Path
@@ -113,6 +115,7 @@ class Reading:
     band: int | None = None
     height_scale: float | None = None
     curvature: float | None = None
+    floor: float | None = None
     room: int = 1 << 27
     scratch: Path = Path()
     uses: Uses = field(default_factory=Uses, compare=False)
@@ -125,6 +128,7 @@ class Reading:
         check_band(self.band)
         check_number("height_scale", self.height_scale)
         check_number("curvature", self.curvature)
+        check_number("floor", self.floor)
         if self.height_scale == 0:
             raise SettingError("height_scale: found 0, expected a number that leaves heights")
         if self.color_range is None:
@@ -144,7 +148,7 @@ class Reading:
         """Return what changes how a file is read, for JSON."""
         own = {each.name: getattr(self, each.name) for each in fields(self)}
         settings = {name: value for name, value in own.items() if name not in ALWAYS}
-        for name in ("radius", "height_scale", "curvature"):
+        for name in ("radius", "height_scale", "curvature", "floor"):
             if isinstance(settings[name], Real):
                 settings[name] = float(settings[name])
         if self.color_range is not None:

@@ -97,16 +97,19 @@ class Ground:
             yield ways[chosen], chosen
 
 
-def write_ground(terrain: Terrain, path: Path) -> None:
-    """Write the heights of all pixels as the store has them.
+def write_ground(terrain: Terrain, path: Path) -> float | None:
+    """Write the heights of all pixels as the store has them; return the least, None if none.
 
     Raises
     ------
     SceneError, StreamError, DiskFullError
         As reading and writing are refused.
     """
+    lowest = np.inf
     with FileWriter(path, False) as file:
         for rows in terrain.all_rows():
             corners = corners_of(terrain.facts.place, rows, bend=terrain.bend)
             heights = np.where(rows.there, corners[..., 2], np.nan).astype(np.float32)
             file.write(heights)
+            lowest = min(lowest, float(np.min(heights, where=rows.there, initial=np.inf)))
+    return lowest if np.isfinite(lowest) else None

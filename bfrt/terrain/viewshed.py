@@ -169,15 +169,15 @@ def look(files: Files, sight: Sight, progress: DoneReport | None) -> NDArray[np.
             f"look at {files.raster}"
         )
     reading = sight.reading
+    with closing(terrain_of(files, sight)) as raster:
+        terrain = Terrain(files.raster, raster, reading)
+        lowest = write_ground(terrain, files.folder / "ground")
     scene = convert(
         files.raster, files.folder / "terrain.bfrt", band=reading.band,
-        height_scale=reading.height_scale, curvature=reading.curvature, memory=memory,
-        scratch=files.folder, progress=progress, durable=False,
+        height_scale=reading.height_scale, curvature=reading.curvature, floor=lowest,
+        memory=memory, scratch=files.folder, progress=progress, durable=False,
     )  # fmt: skip
     with scene:
-        with closing(terrain_of(files, sight)) as raster:
-            terrain = Terrain(files.raster, raster, reading)
-            write_ground(terrain, files.folder / "ground")
         place = terrain.facts.place
         lift = sight.target_height * sight.scale
         ground = Ground(place, scene.origin, files.folder / "ground", lift)

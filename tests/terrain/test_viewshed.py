@@ -77,14 +77,16 @@ def ground_at(heights, place):
 
 
 def edges_of(there):
-    """All edges of cells that have four corners, by the edges' ends: columns and rows, (n, 2)."""
-    whole = there[:-1, :-1] & there[:-1, 1:] & there[1:, 1:] & there[1:, :-1]
-    found = {
-        ((j + a, i + b), (j + c, i + d))
-        for i, j in np.argwhere(whole).tolist()
-        for a, b, c, d in ((0, 0, 1, 0), (0, 1, 1, 1), (0, 0, 0, 1), (1, 0, 1, 1), (0, 0, 1, 1))
-    }
-    ends = np.array(sorted(found), float)
+    """All edges between corners that are there, by their columns and rows, (n, 2): those of whole
+    cells' triangles, and the sides of all others, below which nothing passes."""
+    rows, columns = there.shape
+    found = []
+    for i, j in np.argwhere(there).tolist():
+        for di, dj in ((0, 1), (1, 0), (1, 1)):
+            a, b = i + di, j + dj
+            if a < rows and b < columns and there[i : a + 1, j : b + 1].all():
+                found.append(((j, i), (b, a)))
+    ends = np.array(found, float)
     return ends[:, 0], ends[:, 1]
 
 
@@ -199,6 +201,20 @@ def test_an_eye_over_a_wall_and_a_target_over_one(file, tmp_path, here):
         found = seen_in(tmp_path / "v.tif")[0]
         assert found[:, :5].all()
         assert found[4, 8] == behind
+
+
+def test_nothing_is_seen_from_below(file, tmp_path, here):
+    """A hill of which the half is missing: a line through there would come from inside of it."""
+    heights = np.zeros((9, 15), "f4")
+    heights[:, 5:11] = 40
+    heights[:, 6:8] = -1
+    write(file, heights, nodata=-1)
+    bfrt.viewshed(file, tmp_path / "v.tif", UTM @ (8.4, 4.5), height=1)
+    assert not seen_in(tmp_path / "v.tif")[0][:, :5].any()
+    heights[:, :6] = -1
+    bfrt.viewshed(write(file, heights, nodata=-1), tmp_path / "v.tif", UTM @ (13.5, 4.5), height=1)
+    found = seen_in(tmp_path / "v.tif")[0]
+    assert found[:, 11:].all() and found[:, 10].all() and not found[:, :10].any()
 
 
 def test_flat_ground_is_seen_as_far_as_the_earth_lets_it(file, tmp_path, here):

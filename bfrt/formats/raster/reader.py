@@ -53,6 +53,7 @@ class Terrain:
         self._raster = raster
         self._skip = reading.skip_invalid
         self._scale = 1.0 if reading.height_scale is None else reading.height_scale
+        self._floor = reading.floor
         self.bend = bend_of(path, raster.facts, reading.curvature)
         self.missing = 0
         check_place(path, self.facts.place)
@@ -106,7 +107,7 @@ class Terrain:
         last: Rows | None = None
         for rows in self.all_rows():
             joined = rows if last is None else below(last, rows)
-            for triangles in triangles_in(self.facts.place, joined, self.bend):
+            for triangles in triangles_in(self.facts.place, joined, self.bend, self._floor):
                 yield rows.first, triangles
             last = Rows(rows.first + len(rows.heights) - 1, rows.heights[-1:], rows.there[-1:])
 

@@ -145,6 +145,31 @@ def test_masks_of_all_kinds(file):
         assert shapes_of(convert(file)) == whole
 
 
+def test_walls_around_what_is_missing(file):
+    """From below nothing comes in: a ray from under the ground at the border meets a wall."""
+    there = ALL.copy()
+    there[3, 4] = False
+    write(file, np.where(there, HEIGHTS + 5, 0).astype("f4"), nodata=0)
+    with in_this_process():
+        plain, walled = convert(file), convert(file, floor=2.0)
+    found = np.array(shapes_of(bfrt.convert(file, file.with_suffix(".bfrt"), floor=2.0).store))
+    assert walled.objects - plain.objects == 2 * 8
+    walls = found[(np.ptp(found[:, :, :2], axis=1) == 0).any(axis=1)]
+    assert len(walls) == 16 and (walls[..., 2].min(axis=1) == 2).all()
+    scene = bfrt.open(file.with_suffix(".bfrt"))
+    x, y = UTM @ (4.5, 3.5)
+    for way in ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0.7, 0.7, 0)):
+        assert scene.occluded([[x, y, 3.0]], [way], t_max=21.0)["occluded"].all()
+    with in_this_process():
+        assert "floor: found nan" in failure_of_setting(file, floor=np.nan)
+
+
+def failure_of_setting(file, **settings):
+    with pytest.raises(SettingError) as caught:
+        convert(file, **settings)
+    return str(caught.value)
+
+
 def test_float64_is_stored_where_it_is_asked_for(file):
     with in_this_process():
         store = convert(write(file, HEIGHTS.astype("f8") + 1e-9), dtype="float64")
