@@ -209,7 +209,7 @@ def test_nothing_is_seen_from_below(file, tmp_path, here):
     heights[:, 5:11] = 40
     heights[:, 6:8] = -1
     write(file, heights, nodata=-1)
-    bfrt.viewshed(file, tmp_path / "v.tif", UTM @ (8.4, 4.5), height=1)
+    bfrt.viewshed(file, tmp_path / "v.tif", UTM @ (9.4, 4.5), height=1)
     assert not seen_in(tmp_path / "v.tif")[0][:, :5].any()
     heights[:, :6] = -1
     bfrt.viewshed(write(file, heights, nodata=-1), tmp_path / "v.tif", UTM @ (13.5, 4.5), height=1)

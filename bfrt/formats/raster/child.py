@@ -12,6 +12,7 @@ import logging
 import re
 import resource
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ import numpy as np
 import rasterio
 from numpy.typing import NDArray
 from rasterio.enums import MaskFlags
-from rasterio.errors import RasterioError
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window
 
 from bfrt.errors import BudgetError, SceneError, SettingError
@@ -58,7 +59,7 @@ ELLIPSOID = re.compile(r'(?:SPHEROID|ELLIPSOID)\["[^"]*",\s*([0-9.]+)')
 EARTH = 6378137.0
 
 
-class Warnings(logging.Handler):
+class Complaints(logging.Handler):
     """Keeps what GDAL warns of."""
 
     def __init__(self) -> None:
@@ -90,7 +91,7 @@ class Server:
     def __init__(self, path: str, band: int, taken: int, room: int) -> None:
         self._path, self._band = path, band
         self._taken, self._room = taken, room
-        self._warnings = Warnings()
+        self._complaints = Complaints()
         driver = DRIVERS[Path(path).suffix.lower()]
         with self._asking(f"what GDAL's driver {driver} reads"):
             self._file = rasterio.open(path, driver=driver)
@@ -181,9 +182,11 @@ class Server:
     @contextlib.contextmanager
     def _asking(self, expected: str, place: str = "") -> Iterator[None]:
         """Give GDAL's errors, and what it warns of and does without, the file's name."""
-        self._warnings.texts.clear()
+        self._complaints.texts.clear()
         try:
-            yield
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", NotGeoreferencedWarning)  # `facts` tell it
+                yield
         except MemoryError as error:
             raise self._too_large() from error
         except (RasterioError, ValueError, OSError, UnicodeError) as error:
@@ -195,7 +198,7 @@ class Server:
             raise SceneError(
                 f"{self._path}: {place}found {said(cause)}, expected {expected}"
             ) from error
-        for text in self._warnings.texts:
+        for text in self._complaints.texts:
             if UNREAD.search(text):
                 raise SceneError(f"{self._path}: {place}found {text!r:.200}, expected {expected}")
 

@@ -26,6 +26,9 @@ log = logging.getLogger(__name__)
 #: The name of the numbers that colors may be made from.
 HEIGHT = "z"
 
+#: The transform of a raster that has none.
+PIXELS = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
 #: Degrees of latitude that a meter has, about.
 DEGREES = "1/111320 = 8.98e-6"
 
@@ -57,6 +60,8 @@ class Terrain:
         self.bend = bend_of(path, raster.facts, reading.curvature)
         self.missing = 0
         check_place(path, self.facts.place)
+        if self.facts.place.transform == PIXELS:
+            log.warning("%s: found no transform: x and y count pixels, from the first one", path)
         if self.facts.degrees and reading.height_scale is None:
             raise SettingError(self._in_degrees())
 

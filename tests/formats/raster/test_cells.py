@@ -236,6 +236,15 @@ def test_two_systems_do_not_make_one_scene(file, tmp_path):
     )
 
 
+def test_a_raster_that_lies_nowhere(file, caplog):
+    write(file, transform=None, crs=None)
+    with in_this_process():
+        found = shapes_of(convert(file))
+    assert found == triangles(HEIGHTS, ALL, Affine.identity())
+    said = "found no transform: x and y count pixels, from the first one"
+    assert [record.getMessage() for record in caplog.records] == [f"{file}: {said}"]
+
+
 def test_info_tells_the_system(file, capsys):
     with in_this_process():
         convert(write(file))
