@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import re
 import resource
 import sys
@@ -46,12 +47,17 @@ SLACK = 32 << 20
 #: What GDAL says where something could not be read that it does without.
 UNREAD = re.compile("IO error|tag ignored")
 
+#: A proxy of a kind that there is not: through it nothing comes from a network.
+NOWHERE = "none://nowhere"
+
 #: No file of those that a file names comes from a network, and none is a program.
 CONFIGURATION = {
     "GDAL_CACHEMAX": CACHE,
     "GDAL_NUM_THREADS": "1",
     "GDAL_VRT_ENABLE_PYTHON": "NO",
     "CPL_VSIL_CURL_ALLOWED_EXTENSIONS": ".none",
+    "GDAL_HTTP_PROXY": NOWHERE,
+    "GDAL_HTTPS_PROXY": NOWHERE,
 }
 
 #: The larger half axis of an ellipsoid, in WKT, meters.
@@ -222,6 +228,8 @@ def limit(room: int) -> None:
 def main(path: str, limits: list[Any]) -> None:
     """Say what a raster is like, and answer until nothing is asked any more."""
     band, taken, room = limits
+    for name in ("no_proxy", "NO_PROXY"):  # for which places there is none
+        os.environ.pop(name, None)
     with contextlib.ExitStack() as opened:
 
         def begin() -> tuple[list[Any], Verbs]:

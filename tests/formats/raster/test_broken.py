@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
+import socket
 import sys
+import threading
 import warnings
 from unittest import mock
 
@@ -128,22 +131,54 @@ def test_what_is_no_raster(tmp_path, suffix, data):
         failure(path, SceneError)
 
 
+#: A raster that is another file's.
+VRT = (
+    '<VRTDataset rasterXSize="{side}" rasterYSize="{side}"><GeoTransform>500000, 10, 0, 5400000, 0,'
+    ' -10</GeoTransform><VRTRasterBand dataType="{kind}" band="1"><SimpleSource><SourceFilename '
+    'relativeToVRT="{relative}">{name}</SourceFilename><SourceBand>1</SourceBand></SimpleSource>'
+    "</VRTRasterBand></VRTDataset>"
+)
+
+
 def test_a_name_does_not_hide_what_a_file_is(tmp_path):
     """A file that names others is one only where its own name says so."""
     write(tmp_path / "b.tif")
-    text = (
-        '<VRTDataset rasterXSize="9" rasterYSize="7"><GeoTransform>500000, 10, 0, 5400000, 0, -10'
-        '</GeoTransform><VRTRasterBand dataType="Float32" band="1"><SimpleSource><SourceFilename '
-        'relativeToVRT="1">b.tif</SourceFilename><SourceBand>1</SourceBand></SimpleSource>'
-        "</VRTRasterBand></VRTDataset>"
-    )
+    text = VRT.format(name="b.tif", side=7, kind="Float32", relative=1)
     for name in ("a.tif", "a.vrt"):
         (tmp_path / name).write_text(text)
     with in_this_process():
         failure(tmp_path / "a.tif", SceneError)
-        assert shapes_of(convert(tmp_path / "a.vrt")) == triangles(HEIGHTS, ALL, UTM)
+        square = HEIGHTS[:, :7]
+        assert shapes_of(convert(tmp_path / "a.vrt")) == triangles(square, ALL[:, :7], UTM)
         (tmp_path / "b.tif").unlink()
         assert "b.tif" in failure(tmp_path / "a.vrt", SceneError)
+
+
+def asked_of(server, asked):
+    """Notes what a server is asked for, and says nothing."""
+    with contextlib.suppress(OSError):  # it is closed
+        while True:
+            connection, _ = server.accept()
+            asked.append(connection.recv(100))
+            connection.close()
+
+
+@pytest.mark.parametrize(
+    "before", ["/vsicurl/http:", "http:", "WMS:http:", "/vsizip//vsicurl/http:"]
+)
+@pytest.mark.parametrize("spared", [False, True])
+def test_nothing_is_read_from_a_network(tmp_path, before, spared, monkeypatch):
+    """By the process itself, even where the environment spares a place its proxy."""
+    if spared:
+        monkeypatch.setenv("no_proxy", "*")
+    asked = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=asked_of, args=(server, asked), daemon=True).start()
+        name = f"{before}//127.0.0.1:{server.getsockname()[1]}/b.tif"
+        (tmp_path / "a.vrt").write_text(VRT.format(name=name, side=9, kind="Float32", relative=0))
+        failure(tmp_path / "a.vrt", SceneError)
+        server.shutdown(socket.SHUT_RDWR)
+    assert not asked
 
 
 CRASH = """
@@ -171,12 +206,8 @@ def test_what_ends_gdal_is_one_sentence(file, verb, monkeypatch):
 def test_a_file_of_large_blocks_in_a_file_that_names_it(tmp_path):
     """What a file names says how large its blocks are, and only GDAL knows: it gets no more."""
     write(tmp_path / "b.tif", np.zeros((9000, 9000), "f8"), compress="deflate", blockysize=9000)
-    (tmp_path / "a.vrt").write_text(
-        '<VRTDataset rasterXSize="9000" rasterYSize="9000"><GeoTransform>0, 1, 0, 0, 0, -1'
-        '</GeoTransform><VRTRasterBand dataType="Float64" band="1"><SimpleSource><SourceFilename '
-        'relativeToVRT="1">b.tif</SourceFilename><SourceBand>1</SourceBand></SimpleSource>'
-        "</VRTRasterBand></VRTDataset>"
-    )
+    text = VRT.format(name="b.tif", side=9000, kind="Float64", relative=1)
+    (tmp_path / "a.vrt").write_text(text)
     failure(tmp_path / "a.vrt", BudgetError, memory="256MiB")
 
 
