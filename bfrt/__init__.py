@@ -46,6 +46,7 @@ OFFERED = {
     "plan": "bfrt.scene:plan",
     "render": "bfrt.scene:render",
     "spd": "bfrt.spd",
+    "viewshed": "bfrt.terrain.viewshed:viewshed",
 }
 
 __all__ = list(OFFERED)

@@ -36,6 +36,7 @@ from bfrt.scene import open_scene as open
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
 from bfrt.streams.litter import Litter
+from bfrt.terrain.viewshed import viewshed
 
 __all__ = [
     "Answer",
@@ -72,6 +73,7 @@ __all__ = [
     "plan",
     "render",
     "spd",
+    "viewshed",
 ]
 
 __version__: str

@@ -152,6 +152,11 @@ class Scene:
         return self.store.camera
 
     @property
+    def crs(self) -> str:
+        """Return the reference system of coordinates, "EPSG:32632" or WKT; empty for none."""
+        return self.store.crs
+
+    @property
     def lights(self) -> list[Light]:
         """Return the scene's own lights."""
         return self.store.lights

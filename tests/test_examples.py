@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -59,6 +60,7 @@ def test_there_are_examples():
         "particles",
         "rings",
         "sight",
+        "viewshed",
     ]
 
 
@@ -66,6 +68,10 @@ def test_there_are_examples():
 def test_an_example_makes_the_picture_that_is_shown(script, tmp_path):
     if script.stem == "cluster":
         pytest.importorskip("distributed", reason="needs dask and distributed")
+    if script.stem in ("sight", "viewshed"):
+        pytest.importorskip("rasterio", reason="rasterio is not installed: bfrt[raster]")
+    if script.stem == "viewshed" and shutil.which("gdal_viewshed") is None:
+        pytest.skip("gdal_viewshed is not installed")
     run(script, tmp_path, SIZE, folder=ROOT)
     is_shown(tmp_path / f"{script.stem}.png", SHOWN)
 

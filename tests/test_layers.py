@@ -42,6 +42,7 @@ LAYERS = [
     {"scene", "cleaning"},
     {"spd"},
     {"conversion"},
+    {"terrain"},
     {"__init__"},
     {"cli"},
     {"__main__"},

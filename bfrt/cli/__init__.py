@@ -2,7 +2,7 @@
 
 ::
 
-    command ─► convert, render, spd, store, clean     each with its options and what it does
+    command ─► convert, render, spd, store, viewshed, clean     each with its options, and its work
                      │
                      ▼
                options, view, bars             what commands have in common

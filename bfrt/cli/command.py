@@ -17,6 +17,7 @@ from bfrt.cli.convert import add_convert
 from bfrt.cli.render import add_render
 from bfrt.cli.spd import add_spd
 from bfrt.cli.store import add_info, add_verify
+from bfrt.cli.viewshed import add_viewshed
 from bfrt.errors import BfrtError, BudgetError, SettingError, StreamError
 from bfrt.process import ending_of, say, silence
 from bfrt.refusals import EXPECTED
@@ -118,5 +119,6 @@ def parser() -> argparse.ArgumentParser:
     add_spd(commands)
     add_info(commands)
     add_verify(commands)
+    add_viewshed(commands)
     add_clean(commands)
     return top

@@ -14,7 +14,7 @@ from bfrt.store.making import Order
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
     "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate", "polygons", "external_storage",
+    "triangulate", "polygons", "external_storage", "band", "height_scale", "curvature", "floor",
 )  # fmt: skip
 
 
@@ -83,6 +83,24 @@ def add_reading(made: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--external-storage", action="store_true",
         help="follow external storage of HDF5: rows in files of any kind that a dataset names",
+    )  # fmt: skip
+    add_raster(group)
+
+
+def add_raster(group: Any) -> None:
+    """Add the options that say how to read a raster of heights."""
+    group.add_argument("--band", type=int, help="of a raster that has the heights (1)")
+    group.add_argument(
+        "--height-scale", type=float, metavar="FACTOR",
+        help="what heights of a raster are multiplied by, to be in units of x and y",
+    )  # fmt: skip
+    group.add_argument(
+        "--curvature", type=float, metavar="PART",
+        help="of the earth, by which a raster's heights are lowered, as gdal_viewshed's -cc",
+    )  # fmt: skip
+    group.add_argument(
+        "--floor", type=float, metavar="Z",
+        help="height down to which walls stand around cells that a raster has not",
     )  # fmt: skip
 
 

@@ -41,6 +41,7 @@ def describe(store: Store) -> dict[str, Any]:
         "bytes_per_object": round(store.bytes / max(store.objects, 1), 2),
         "origin": list(store.origin),
         "bounds": bounds_to(store.world_bounds),
+        "crs": store.crs or None,
         "camera": None if camera is None else camera.__dict__,
         "lights": len(store.lights),
         "materials": len(store.materials()),

@@ -7,6 +7,7 @@
        │          ▼
        └───────► sinks ─► SceneWriter     one group for each source, prepared by threads
 
-With a checkpoint, `bfrt.conversion.kept` has the writer go on where a killed run was.
+`bfrt.conversion.asked` has the settings of one. With a checkpoint, `bfrt.conversion.kept`
+has the writer go on where a killed run was.
 `bfrt.conversion.views` takes the camera of a file, and nothing else.
 """

@@ -6,19 +6,19 @@ import logging
 import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bfrt.checkpoint.checkpoint import Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of_conversion
-from bfrt.conversion.kept import EVERY, KeptConversion, Writing, check_can_be_kept, find_state
+from bfrt.conversion.asked import Conversion
+from bfrt.conversion.kept import EVERY, KeptConversion, check_can_be_kept, find_state
 from bfrt.conversion.sinks import Behind, GroupSink
 from bfrt.conversion.sources import (
     SceneFile,
     SceneSource,
     StandardScene,
-    read_nff_as_is,
     sources_of,
 )
 from bfrt.errors import SceneError
@@ -30,91 +30,11 @@ from bfrt.paths import check_apart, facts_at, path_of, without_links
 from bfrt.progress import DoneReport, check_report, staged
 from bfrt.refusals import in_memory
 from bfrt.scene import PathLike, Scene, SceneWriter
-from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Order, checked_order
 from bfrt.workers import usable_threads
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Conversion:
-    """Holds the checked settings of a conversion.
-
-    Parameters
-    ----------
-    sources : tuple of SceneFile or StandardScene
-        Each becomes a group; the first one's view, lights and background are the scene's.
-    target : path-like
-        The store to make.
-    reading : Reading
-        How files are read.
-    memory : int
-        The budget of the whole process, in bytes.
-    dtype : {None, "float32", "float64"}
-        The type that geometry is stored as; None keeps the files' own.
-    hierarchy : Hierarchy, optional
-        Settings of the box hierarchy, if others than the first source's are asked for.
-    order : {"given", "spatial", "auto"}
-        The order in which objects are stored.
-    durable : bool
-        Whether the store outlives a loss of power.
-    """
-
-    sources: tuple[SceneSource, ...]
-    target: PathLike
-    reading: Reading
-    memory: int
-    dtype: Any
-    hierarchy: Hierarchy | None
-    order: Order
-    durable: bool
-
-    @property
-    def names(self) -> str:
-        """Return the names of all sources, for errors."""
-        return ", ".join(source.name for source in self.sources)
-
-    @property
-    def first_scene(self) -> SpdScene | None:
-        """Return the standard scene that the first source is, if it is one."""
-        first = self.sources[0]
-        return first.scene if isinstance(first, StandardScene) else None
-
-    @property
-    def files(self) -> list[str]:
-        """Return the names of the sources, "" for those that are no files."""
-        return [source.name if isinstance(source, SceneFile) else "" for source in self.sources]
-
-    @property
-    def writing(self) -> Writing:
-        """Return how the store is written."""
-        first = self.first_scene
-        return Writing(
-            self.target,
-            "float32" if self.is_plain and self.dtype is None else self.dtype,
-            (0.0, 0.0, 0.0) if self.is_plain else None,
-            self.hierarchy or (Hierarchy() if first is None else first.hierarchy),
-            self.order,
-        )
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Return all that changes the store, for JSON."""
-        how = self.writing
-        return {
-            "dtype": None if how.dtype is None else str(how.dtype),
-            "hierarchy": asdict(how.hierarchy),
-            "order": how.order,
-            **self.reading.settings,
-        }
-
-    @property
-    def is_plain(self) -> bool:
-        """Tell whether all sources are NFF or standard scenes, of float32 around zero."""
-        files = [source for source in self.sources if isinstance(source, SceneFile)]
-        return all(file.reader is read_nff_as_is for file in files)
 
 
 def convert(
@@ -135,6 +55,10 @@ def convert(
     triangulate: bool = False,
     polygons: bool = False,
     external_storage: bool = False,
+    band: int | None = None,
+    height_scale: float | None = None,
+    curvature: float | None = None,
+    floor: float | None = None,
     progress: DoneReport | None = None,
     durable: bool = True,
     checkpoint: PathLike | Checkpoint | None = None,
@@ -145,17 +69,18 @@ def convert(
     Parameters
     ----------
     source : path-like, or sequence of path-like
-        A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, "-" for NFF from
-        standard input, or ``spd:NAME:SIZE`` for a standard scene. Of several, each becomes a group
-        with a grid of its own, which suits a small dense thing in a large sparse one. The view, the
-        lights and the background are the first file's. A setting applies to the files that use it.
+        A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, a raster of heights
+        (.tif and others that GDAL opens), "-" for NFF from standard input, or ``spd:NAME:SIZE`` for
+        a standard scene. Of several, each becomes a group with a grid of its own, which suits a
+        small dense thing in a large sparse one. The view, the lights and the background are the
+        first file's. A setting applies to the files that use it.
     target : path-like
         The store to make. An existing store is replaced when the new one is complete; anything
         else is refused.
     dtype : {None, "float32", "float64"}
         The type that geometry is stored as. None keeps the file's own: float32 or float64 by its
         types, and float64 for text without types (OBJ, text STL). If all sources are NFF or
-        standard scenes, None is float32.
+        standard scenes, or all are rasters, None is float32.
     hierarchy : Hierarchy, optional
         Settings of the box hierarchy. By default `Hierarchy`'s, and for a standard scene the
         paper's settings for that scene.
@@ -196,6 +121,19 @@ def convert(
         Follow HDF5's external storage: rows that are in files of any kind, which a dataset names.
         It reads whatever this process may read: it is for files that one trusts. By default such a
         dataset is refused.
+    band : int, optional
+        The band of a raster that has the heights, from 1. By default the first.
+    height_scale : float, optional
+        What heights of a raster are multiplied by, so that they are in units of x and y. It is
+        asked for where those are degrees.
+    curvature : float, optional
+        The part of the earth's curvature by which a raster's heights are lowered, from its middle:
+        1 for all of it, 1 - k where the air bends light by the refraction k, as gdal_viewshed's
+        -cc. Lines of sight are straight then, between any two points. By default 0.
+    floor : float, optional
+        A height, in units of x and y, down to which walls stand around the cells that a raster has
+        not: a line of sight that comes through there does not pass below the ground beside. By
+        default there are none.
     progress : callable, optional
         Called with the number of bytes read so far, of all files; and after that, of a store in
         spatial order, with the number of objects that are in order. The number is a
@@ -249,6 +187,10 @@ def convert(
         triangulate=triangulate,
         polygons=polygons,
         external_storage=external_storage,
+        band=band,
+        height_scale=height_scale,
+        curvature=curvature,
+        floor=floor,
         scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
     )
@@ -258,15 +200,25 @@ def convert(
         if checkpoint is None:
             scene = write_scene(conversion, progress)
         else:
-            check_can_be_kept(conversion.files)
-            if not isinstance(checkpoint, Checkpoint):
-                check_apart(target, checkpoint)
-            with keeping(checkpoint, every, each=0.0) as kept:
-                assert kept is not None
-                scene = go_on(conversion, kept, progress)
+            scene = write_kept(conversion, checkpoint, every, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
+
+
+def write_kept(
+    conversion: Conversion,
+    checkpoint: PathLike | Checkpoint,
+    every: float,
+    progress: DoneReport | None,
+) -> Scene:
+    """Write the sources, and keep the state of that in a checkpoint."""
+    check_can_be_kept(conversion.files)
+    if not isinstance(checkpoint, Checkpoint):
+        check_apart(conversion.target, checkpoint)
+    with keeping(checkpoint, every, each=0.0) as kept:
+        assert kept is not None
+        return go_on(conversion, kept, progress)
 
 
 def go_on(conversion: Conversion, checkpoint: Checkpoint, progress: DoneReport | None) -> Scene:

@@ -319,9 +319,11 @@ def saved_records(state: SavedState) -> SavedRecords:
 
 
 def restore_view(writer: SceneWriter, facts: Facts) -> None:
-    """Give a writer the view, the lights and the background that it had."""
+    """Give a writer the view, the lights, the background and the reference system that it had."""
     if facts["camera"] is not None:
         writer.camera(Camera(**facts["camera"]))
     for position, color in facts["lights"]:
         writer.light(Light(position, color))
     writer.background(facts["background"])
+    if "crs" in facts:
+        writer.crs(facts["crs"])

@@ -40,6 +40,9 @@ class GroupSink:
         if self._group == 0:
             self._writer.camera(camera)
 
+    def place(self, origin: Vector, crs: str) -> None:
+        self._writer.place(origin, crs)
+
     def light(self, light: Light) -> None:
         if self._group == 0:
             self._writer.light(light)
@@ -63,6 +66,7 @@ class Behind:
         self._begun: set[Kind] = set()
         self.camera = sink.camera
         self.light = sink.light
+        self.place = sink.place
         self.background = sink.background
         self.material = sink.material
 

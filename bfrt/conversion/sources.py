@@ -15,6 +15,8 @@ from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
 from bfrt.formats.object_writer import SceneSink
 from bfrt.formats.ply.reader import read_ply
+from bfrt.formats.raster.reader import read_raster
+from bfrt.formats.raster.suffixes import DRIVERS
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report
 from bfrt.formats.stl import read_stl
@@ -63,6 +65,7 @@ READERS: dict[str, Reader] = {
     ".hdf5": read_hdf5,
     ".las": read_las,
     ".laz": read_las,
+    **dict.fromkeys(DRIVERS, read_raster),
 }
 
 

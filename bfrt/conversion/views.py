@@ -19,6 +19,9 @@ class _View:
     def camera(self, camera: Camera) -> None:
         self.found = camera
 
+    def place(self, origin: object, crs: str) -> None:
+        """Ignore where objects are: a view has none."""
+
     def light(self, light: object) -> None:
         """Ignore a light: a view has none."""
 

@@ -7,6 +7,7 @@
     ply, obj ──────────────────────────► Mesh ─► mesh: joined ────►│  ▲
     npy, hdf5 ─► named arrays (table) ─► arrays ─► Mesh, Points ──►│  │
     las, laz ──────────────────────────► Points ─► points ────────►┘  │
+    raster (GeoTIFF and others) ───────► triangles ──────────────►────┘
     ply, obj without faces ────────────► Points              colors, triangulation
 
 `bfrt.formats.source` reads the bytes and words the errors; ``_x.pyx`` has the loop of ``x.py``; PLY

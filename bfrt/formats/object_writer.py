@@ -38,6 +38,17 @@ class SceneSink(Protocol):
     def background(self, color: Vector, /) -> object:
         """Take the background color, (0, 0, 0) for a file without one."""
 
+    def place(self, origin: Vector, crs: str, /) -> object:
+        """Take where a file's objects are, before the first; not called for a file without it.
+
+        Parameters
+        ----------
+        origin : tuple of 3 float
+            A point near them, world coordinates.
+        crs : str
+            The reference system of coordinates, empty for none.
+        """
+
     def material(self, material: Material, /) -> int:
         """Return the palette index of a material, the same for the same material."""
 

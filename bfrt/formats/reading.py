@@ -20,6 +20,9 @@ COLORS = ("red", "green", "blue")
 PAINTED = ("color_by", "colormap", "color_range", "skip_invalid")
 POINTS = ("radius", *PAINTED)
 
+#: Those of rasters.
+RASTERS = ("band", "height_scale", "curvature", "floor", *PAINTED)
+
 
 #: Settings that every file uses.
 ALWAYS = ("room", "scratch", "uses")
@@ -77,6 +80,14 @@ class Reading:
         are flat are polygons.
     external_storage : bool
         Follow the external storage of HDF5 datasets, whose rows may be in any file.
+    band : int, optional
+        The band of a raster that has the heights, from 1; by default the first.
+    height_scale : float, optional
+        What heights of a raster are multiplied by, so that they are in units of x and y.
+    curvature : float, optional
+        The part of the earth's curvature by which a raster's heights are lowered, as GDAL's -cc.
+    floor : float, optional
+        A height down to which walls stand around missing cells of a raster.
     room : int
         Bytes that a mesh's vertices may take; those of one that has more are joined on disk.
     scratch : Path
@@ -87,8 +98,9 @@ class Reading:
     Raises
     ------
     SettingError
-        For a radius that is not above 0, a radius or a range that is not finite, a range whose
-        ends are not in order, and settings that exclude each other.
+        For a band that is no number from 1, a scale of 0, a radius that is not above 0, a radius
+        or a range that is not finite, a range whose ends are not in
+        order, and settings that exclude each other.
     """
 
     radius: float | str | None = None
@@ -100,6 +112,10 @@ class Reading:
     triangulate: bool = False
     polygons: bool = False
     external_storage: bool = False
+    band: int | None = None
+    height_scale: float | None = None
+    curvature: float | None = None
+    floor: float | None = None
     room: int = 1 << 27
     scratch: Path = Path()
     uses: Uses = field(default_factory=Uses, compare=False)
@@ -109,6 +125,12 @@ class Reading:
             check_radius(self.radius)
         if self.triangulate and self.polygons:
             raise SettingError("triangulate, polygons: found both, expected one of them or none")
+        check_band(self.band)
+        check_number("height_scale", self.height_scale)
+        check_number("curvature", self.curvature)
+        check_number("floor", self.floor)
+        if self.height_scale == 0:
+            raise SettingError("height_scale: found 0, expected a number that leaves heights")
         if self.color_range is None:
             return
         try:
@@ -126,8 +148,9 @@ class Reading:
         """Return what changes how a file is read, for JSON."""
         own = {each.name: getattr(self, each.name) for each in fields(self)}
         settings = {name: value for name, value in own.items() if name not in ALWAYS}
-        if isinstance(self.radius, Real):
-            settings["radius"] = float(self.radius)
+        for name in ("radius", "height_scale", "curvature", "floor"):
+            if isinstance(settings[name], Real):
+                settings[name] = float(settings[name])
         if self.color_range is not None:
             settings["color_range"] = [float(end) for end in self.color_range]
         return settings
@@ -177,3 +200,27 @@ def check_radius(radius: object) -> None:
     number = isinstance(radius, Real) and not isinstance(radius, bool)
     if not (number and 0.0 < float(radius) < math.inf):  # type: ignore[arg-type]
         raise SettingError(f"radius: found {radius!r:.80}, expected a finite number above 0")
+
+
+def check_band(band: object) -> None:
+    """Refuse a band that is no whole number from 1.
+
+    Raises
+    ------
+    SettingError
+    """
+    whole = isinstance(band, int) and not isinstance(band, bool)
+    if band is not None and not (whole and 1 <= band < 1 << 31):  # type: ignore[operator]
+        raise SettingError(f"band: found {band!r:.80}, expected a whole number from 1")
+
+
+def check_number(name: str, value: object) -> None:
+    """Refuse what is given and no finite number.
+
+    Raises
+    ------
+    SettingError
+    """
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if value is not None and not (number and math.isfinite(value)):  # type: ignore[arg-type]
+        raise SettingError(f"{name}: found {value!r:.80}, expected a finite number")

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import BudgetError, StreamError
+from bfrt.formats.raster.suffixes import DRIVERS
 from bfrt.memory import BASELINE, format_memory
 from bfrt.paths import UNKNOWN, facts_at
 
@@ -42,9 +43,9 @@ class Taken(NamedTuple):
     blocks : int
         Bytes of the blocks, if the file fills them.
     library : int
-        Bytes of the library that reads the format, of HDF5 with the process that does so.
+        Bytes of the library that reads the format, of HDF5 and GDAL with the process that does so.
     fewest : int
-        Bytes of the least room for vertices.
+        Bytes of the least room for vertices, or for a raster's blocks and rows.
     packed : bool
         Whether a file holds more than its bytes tell.
     """
@@ -59,6 +60,7 @@ OBJECTS = Taken(48 << 20)
 MESH = Taken(84 << 20, fewest=FEWEST)
 HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
+RASTER = OBJECTS._replace(library=72 << 20, fewest=FEWEST, packed=True)
 
 #: A palette's writer remembers materials that may come again, 65,536 at the most.
 MATERIALS = 32 << 20
@@ -73,6 +75,7 @@ FORMATS = {
     ".hdf5": HDF5,
     ".las": LAS,
     ".laz": LAS._replace(packed=True),
+    **dict.fromkeys(DRIVERS, RASTER),
 }
 
 

@@ -57,6 +57,11 @@ class Coordinates:
         """Return the origin, if it was given or a block has decided it."""
         return self._origin
 
+    def propose_origin(self, origin: Vector) -> None:
+        """Decide the origin before the first block, if it is not decided."""
+        if self._origin is None:
+            self._origin = triple_of("origin", origin)
+
     def decide_origin(self, records: NDArray[Any]) -> Vector:
         """Return the origin, which is decided by `records` if they are the first block."""
         if self._origin is None:

@@ -10,7 +10,7 @@ import itertools
 import json
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from bfrt.errors import SceneError
@@ -119,13 +119,15 @@ def named(check: Check) -> Check:
     return check_all
 
 
-def fields(**checks: Check) -> Check:
-    """Return a check for a JSON object with these fields and no others."""
+def fields(maybe: Mapping[str, Check] | None = None, /, **checks: Check) -> Check:
+    """Return a check for a JSON object with these fields, perhaps some more, and no others."""
+    more = maybe or {}
+    known = {**checks, **more}
 
     def check_all(value: Any) -> dict[str, Any]:
-        if not isinstance(value, dict) or set(value) != set(checks):
+        if not isinstance(value, dict) or set(value) - set(more) != set(checks):
             raise _wrong(value, f"an object with {', '.join(checks)}")
-        return {name: _field(name, check, value[name]) for name, check in checks.items()}
+        return {name: _field(name, known[name], item) for name, item in value.items()}
 
     return check_all
 
@@ -140,6 +142,13 @@ def _field(name: str, check: Check, value: Any) -> Any:
         return check(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
+
+
+def crs(value: Any) -> str:
+    """Check a reference system: a text, of which there is none where it is empty."""
+    if not isinstance(value, str) or not value:
+        raise _wrong(value, "a text")
+    return value
 
 
 def bounds(value: Any) -> tuple[Vector, Vector]:
@@ -227,8 +236,13 @@ CAMERA = fields(
     resolution=listed(whole(1 << 16), 2),
 )
 
+#: What a scene has that says where it is. Stores that are nowhere have the header that stores had
+#: before there was this field.
+PLACED = {"crs": crs}
+
 #: The header beside magic and version, which are looked at first.
 HEADER_FIELDS = fields(
+    PLACED,
     magic=lambda value: value,
     version=whole(1 << 31),
     origin=vector,

@@ -123,6 +123,10 @@ class RecordWriter:
         """
         self._group(0).expect(counts, surface)
 
+    def propose_origin(self, origin: Vector) -> None:
+        """Have coordinates be relative to a point of the world, if nothing has decided that."""
+        self._coordinates.propose_origin(origin)
+
     def material(self, material: Material) -> int:
         """Add a material to the palette; return its index.
 

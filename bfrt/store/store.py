@@ -3,7 +3,7 @@
 ::
 
     X.bfrt/
-      scene.json                 header: format, origin, bounds, camera, lights, streams, checksums
+      scene.json                 header: format, origin, crs, bounds, view, streams, checksums
       made.json                  what was measured while the store was made
       palette                    materials, 32 bytes each
       GROUP/KIND/geometry        records, in input order
@@ -92,6 +92,8 @@ class Store:
     lights : list of Light
     background : tuple of 3 float
         The color that rays see that hit nothing.
+    crs : str
+        The reference system of coordinates, as "EPSG:32632" or WKT; empty where none was given.
     """
 
     folder: StoreFolder
@@ -101,6 +103,7 @@ class Store:
     camera: Camera | None
     lights: list[Light]
     background: tuple[float, float, float]
+    crs: str
     palette: FileFacts
     hierarchy: Hierarchy
     hierarchy_seconds: float
@@ -267,6 +270,7 @@ def _store(folder: StoreFolder, header: dict[str, Any], digest: int) -> Store:
         camera=header["camera"],
         lights=list(header["lights"]),
         background=header["background"],
+        crs=header.get("crs", ""),
         palette=FileFacts(**header["palette"]),
         hierarchy=Hierarchy(**header["hierarchy"]),
         hierarchy_seconds=made.hierarchy_seconds,

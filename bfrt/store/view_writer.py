@@ -1,26 +1,32 @@
-"""What a scene has beside its objects: its view, its lights and its background, as they are set."""
+"""What a scene has beside its objects: its view, its lights, its background, and where it is."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from typing import Any
 
+from bfrt.errors import SceneError
 from bfrt.store.given import triple_of
 from bfrt.store.model import Camera, Light, Vector
 
+#: Letters of a reference system's text, which is WKT at the longest.
+MOST_TEXT = 1 << 20
+
 
 class ViewWriter:
-    """Takes the view, the lights and the background of a store."""
+    """Takes the view, the lights, the background and the reference system of a store."""
 
     def __init__(self) -> None:
         self._camera: Camera | None = None
         self._lights: list[Light] = []
         self._background: Vector = (0.0, 0.0, 0.0)
+        self._crs = ""
 
     @property
     def view(self) -> dict[str, Any]:
-        """Return what the header says of them."""
+        """Return what the header says of them: "crs" only where there is one."""
         return {
+            **({"crs": self._crs} if self._crs else {}),
             "camera": None if self._camera is None else asdict(self._camera),
             "lights": self._lights,
             "background": self._background,
@@ -79,3 +85,25 @@ class ViewWriter:
             If the color is not three finite numbers.
         """
         self._background = triple_of("background", color)
+
+    def crs(self, crs: str) -> None:
+        """Set the reference system of coordinates, which the store keeps and ``info`` tells.
+
+        Parameters
+        ----------
+        crs : str
+            As "EPSG:32632", or WKT; nothing is converted by it.
+
+        Raises
+        ------
+        SceneError
+            If it is not that which was set before: the coordinates of a store have one.
+        """
+        if not isinstance(crs, str) or not 0 < len(crs) < MOST_TEXT:
+            raise SceneError(f"crs: found {crs!r:.60}, expected a text as EPSG:32632")
+        if self._crs not in ("", crs):
+            raise SceneError(
+                f"crs: found {crs:.60}, expected {self._crs:.60}, as of what was before: reproject "
+                "one of them"
+            )
+        self._crs = crs

@@ -26,6 +26,7 @@ from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_o
 from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Order
+from bfrt.store.model import Vector
 from bfrt.store.record_writer import RecordWriter
 from bfrt.store.store import MADE, VERSION, Store, has_magic, open_store
 from bfrt.store.view_writer import ViewWriter
@@ -267,6 +268,25 @@ class StoreWriter(ViewWriter, RecordWriter):
         """
         given = floats_of("vertices", vertices), array_of("counts", counts)
         self.append_polygons(*given, materials, group=group)
+
+    def place(self, origin: Vector, crs: str) -> None:
+        """Take where objects are: a point near them, and their reference system, if they have one.
+
+        Parameters
+        ----------
+        origin : tuple of 3 float
+            What coordinates are relative to, if nothing has decided that so far.
+        crs : str
+            As for `crs`; empty for none.
+
+        Raises
+        ------
+        SceneError
+            As for `crs`.
+        """
+        self.propose_origin(origin)
+        if crs:
+            self.crs(crs)
 
     def complete(self, progress: DoneReport | None = None) -> Store:
         """Complete the store and give it its name.

@@ -1,7 +1,4 @@
-"""What a watchtower sees of a terrain: a ray to every triangle.
-
-python sight.py [FOLDER [PIXELS]]
-"""
+"""What a watchtower sees of a terrain that is a GeoTIFF: sight.py [FOLDER [PIXELS]]."""
 
 from __future__ import annotations
 
@@ -9,50 +6,52 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import rasterio
 
 import bfrt
 
-SIDE = 257  # heights an axis; a terrain of any size is written band by band
-TOWER = np.array([0.2, -0.15])
+SIDE, PIXEL = 512, 20.0  # heights an axis, and meters from one to the next
+TOWER, TALL = (505_710.0, 5_394_390.0), 25.0  # in the raster's own coordinates
 
 
-def heights(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Ridges of six sizes, each about half as high as the one before."""
-    turns = [(2 ** (k * 0.9), 1.9 * k) for k in range(6)]
-    return sum(
-        0.16 / f * (1 - abs(np.sin(2 * f * (x * np.cos(a) + y * np.sin(a)) + a))) for f, a in turns
-    )
+def write_terrain(path: Path) -> np.ndarray:
+    """Mountains of a fractal: waves of all lengths, of heights as their lengths."""
+    along, down = np.fft.rfftfreq(SIDE), np.fft.fftfreq(SIDE)
+    length = 1 / np.maximum(np.hypot(down[:, None], along), 1 / SIDE)
+    waves = length**2.0 * np.exp(2j * np.pi * np.random.default_rng(12).random(length.shape))
+    heights = np.fft.irfft2(waves, (SIDE, SIDE))
+    heights = 1800 * ((heights - heights.min()) / np.ptp(heights)) ** 1.3
+    place = {"crs": "EPSG:32632", "transform": rasterio.Affine(PIXEL, 0, 5e5, 0, -PIXEL, 54e5)}
+    size = {"width": SIDE, "height": SIDE, "count": 1, "dtype": "float32"}
+    with rasterio.open(path, "w", driver="GTiff", **size, **place) as file:
+        file.write(heights.astype("float32"), 1)
+    return heights
 
 
-def terrain() -> np.ndarray:
-    """Triangles (n, 3, 3), two to a square of the grid."""
-    x, y = np.meshgrid(np.linspace(-1, 1, SIDE), np.linspace(-1, 1, SIDE))
-    p = np.stack([x, y, heights(x, y)], axis=2)
+def colored(path: Path, heights: np.ndarray, seen: np.ndarray) -> bfrt.Scene:
+    """The terrain, of which what is seen is light, around the tower; and the tower."""
+    x, y = np.meshgrid(*[np.arange(SIDE) + 0.5] * 2)
+    p = np.stack([5e5 + PIXEL * x, 54e5 - PIXEL * y, heights], axis=2) - (*TOWER, 0)
     a, b, c, d = p[:-1, :-1], p[:-1, 1:], p[1:, 1:], p[1:, :-1]
-    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3, 3)
+    foot = (0.0, 0.0, heights[int((54e5 - TOWER[1]) / PIXEL), int((TOWER[0] - 5e5) / PIXEL)])
+    tones = [(0.2, 0.26, 0.33), (1.0, 0.78, 0.4), (1.0, 0.1, 0.1)]
+    with bfrt.SceneWriter(path) as writer:
+        dark, light, red = (writer.material(bfrt.Material(tone)) for tone in tones)
+        shades = np.repeat(np.where(seen[:-1, :-1], light, dark).ravel(), 2)
+        writer.triangles(np.stack([a, c, b, a, d, c], axis=2).reshape(-1, 3, 3), shades)
+        writer.cones([foot], [60.0], [np.add(foot, (0, 0, 300))], [60.0], red)
+        writer.light(bfrt.Light((-20_000.0, 9_000.0, 9_000.0)))
+        writer.background((0.55, 0.7, 0.9))
+    return bfrt.open(path)
 
 
 def main(folder: Path, pixels: int = 512) -> None:
-    triangles = terrain()
-    with bfrt.SceneWriter(folder / "terrain.bfrt") as writer:
-        writer.triangles(triangles)
-    scene = bfrt.open(folder / "terrain.bfrt")
-
-    tower = np.append(TOWER, heights(*TOWER) + 0.03)
-    ways = triangles.mean(axis=1) - tower  # which stop a little before the triangle itself
-    hidden = scene.occluded(np.broadcast_to(tower, ways.shape), ways, t_max=0.999)["occluded"]
-    print(f"the tower sees {1 - hidden.mean():.0%} of {len(ways):,} triangles")
-
-    with bfrt.SceneWriter(folder / "sight.bfrt") as writer:
-        writer.light(bfrt.Light((-3.0, 2.0, 2.5)))
-        writer.background((0.55, 0.7, 0.9))
-        seen, unseen = bfrt.Material((1.0, 0.75, 0.3)), bfrt.Material((0.2, 0.3, 0.4))
-        colors = np.array([writer.material(seen), writer.material(unseen)])
-        writer.triangles(triangles, colors[hidden.astype(int)])
-        red = writer.material(bfrt.Material((1.0, 0.1, 0.1)))
-        writer.cones([tower - (0, 0, 0.05)], [0.012], [tower], [0.012], red)
-        writer.camera(bfrt.Camera((1.3, -1.9, 1.5), (0, 0, 0), (0, 0, 1), 50, 0, (pixels, pixels)))
-    bfrt.render(folder / "sight.bfrt", memory="256MiB").save(folder / "sight.png")
+    heights = write_terrain(folder / "dem.tif")
+    bfrt.viewshed(folder / "dem.tif", folder / "seen.tif", TOWER, height=TALL, curvature=True)
+    with rasterio.open(folder / "seen.tif") as file:
+        scene = colored(folder / "sight.bfrt", heights, file.read(1) == 255)
+    camera = bfrt.Camera((600, -9500, 7600), (200, 200, 300), (0, 0, 1), 44, 0, (pixels, pixels))
+    scene.render(camera=camera, memory="256MiB").save(folder / "sight.png")
 
 
 if __name__ == "__main__":

@@ -85,6 +85,29 @@ def las(name: str, folder: Path) -> None:
     las_files.write(folder / "in" / name)
 
 
+def raster(folder: Path) -> None:
+    import raster_files
+
+    raster_files.write(folder / "in" / "a.tif")
+
+
+def looking() -> Work:
+    """What is seen of a terrain, in the place of a file that is there."""
+
+    def run(folder: Path) -> bytes:
+        bfrt.viewshed(
+            folder / "in" / "a.tif", folder / "out" / "a.tif", (500_042.0, 5_399_968.0),
+            scratch=folder / "tmp",
+        )  # fmt: skip
+        return b""
+
+    def prepare(folder: Path) -> None:
+        raster(folder)
+        (folder / "out" / "a.tif").write_bytes(b"what was there")
+
+    return Work(prepare, run)
+
+
 def converting(prepare: Callable[[Path], object], name: str, *, again: bool = False, **how) -> Work:
     """A conversion of a file; `again` puts it in the place of a store."""
 
@@ -283,6 +306,8 @@ WORKS: dict[str, Work] = {
     "convert hdf5, virtual": converting(virtual, "a.h5", radius=0.1),
     "convert las": converting(partial(las, "a.las"), "a.las", radius=0.1),
     "convert laz": converting(partial(las, "a.laz"), "a.laz", radius=0.1),
+    "convert raster": converting(raster, "a.tif"),
+    "viewshed": looking(),
     "render by treelets": rendering("tree"),
     "render by treelets, spooled": rendering("tree", on_disk, ".png"),
     "render by a grid": rendering("sgb", None, ".npy", "given"),

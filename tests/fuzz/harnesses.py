@@ -22,6 +22,7 @@ HARNESSES: dict[str, Callable[[Path], Harness]] = {
     "hdf5": hdf5,
     "las": readers.las,
     "laz": readers.laz,
+    "raster": readers.raster,
     "rays": stores.rays,
     "store": stores.store,
     "checkpoint": checkpoint,

@@ -15,8 +15,9 @@ import hdf5_files
 from fuzz.readers import POINTS, convert
 from fuzz.trial import Harness, of_bytes
 
-from bfrt.formats.hdf5 import child, remote
+from bfrt.formats.hdf5 import child
 from bfrt.formats.hdf5.origins import Limits
+from bfrt.formats.remote import process as remote
 
 
 class Forked:

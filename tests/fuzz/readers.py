@@ -16,6 +16,7 @@ import nff_files
 import numpy as np
 import obj_files
 import ply_files
+import raster_files
 import stl_files
 from fuzz.packing import packed, put, unpacked
 from fuzz.trial import Harness, of_bytes, of_files
@@ -230,3 +231,34 @@ SCAN: Settings = (
     {"radius": 0.5}, {"radius": 0.5}, {"radius": 0.5, "color_by": "rgb"},
     {"radius": 0.5, "color_by": "intensity"}, {"radius": "mass"}, {"radius": 1, "color_by": "mass"},
 )  # fmt: skip
+
+
+# --- rasters -----------------------------------------------------------------------------------
+
+TERRAIN: Settings = (
+    {}, {}, {"skip_invalid": True}, {"height_scale": 0.5, "floor": 0.0}, {"color_by": "z"},
+    {"band": 2, "curvature": 1.0},
+)  # fmt: skip
+
+
+def raster(home: Path) -> Harness:
+    """Read in this process, where GDAL has no limit of its own."""
+    tiles = {"tiled": True, "blockxsize": 16, "blockysize": 16}
+    layouts: list[dict[str, Any]] = [
+        {}, {"nodata": 5.0}, {"compress": "deflate", "predictor": 3}, {**tiles, "compress": "lzw"},
+        {**tiles, "BIGTIFF": "YES"}, {"ENDIANNESS": "BIG", "compress": "packbits"},
+    ]  # fmt: skip
+    seeds = []
+    for bands in (1, 2):
+        heights = np.stack([raster_files.HEIGHTS] * bands)
+        for layout in layouts:
+            path = raster_files.write(home / "seed.tif", heights, **layout)
+            seeds.append(path.read_bytes())
+
+    def run(data: bytes, folder: Path) -> None:
+        (folder / "in" / "a.tif").write_bytes(data)
+        with raster_files.in_this_process():
+            convert(data, folder, "a.tif", TERRAIN)
+
+    tokens = (b"II*\x00", b"MM\x00*", b"II+\x00", b"\x01\x01", b"\x44\x01", b"-9999", b"nan\x00")
+    return of_bytes(seeds, tokens, run)

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import itertools
-import os
-import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
 
 from numpy.typing import NDArray
 
-from bfrt.errors import BfrtError
 from bfrt.formats.hdf5.datasets import Datasets
-from bfrt.formats.hdf5.messages import Channel, Ended, words_of_type
 from bfrt.formats.hdf5.origins import Limits
+from bfrt.formats.remote.messages import words_of_type
+from bfrt.formats.remote.serving import Answer, Verbs, serve
 from bfrt.formats.source import Source
 from bfrt.formats.table import Array
-
-Answer = tuple[list[Any], NDArray[Any] | None]
 
 
 class Server:
@@ -34,7 +29,7 @@ class Server:
         self._arrays: list[Array] = []
         self._passes: dict[int, Iterator[NDArray[Any]]] = {}
         self._numbers = itertools.count()
-        self._verbs: dict[str, Callable[..., Answer]] = {
+        self.verbs: Verbs = {
             "has": self.has,
             "open": self.open,
             "shallow": self.shallow,
@@ -42,15 +37,6 @@ class Server:
             "next": self.next,
             "end": self.end,
         }
-
-    def answer(self, verb: str, *words: Any) -> Answer:
-        """Return the answer to a request, or the error that it makes."""
-        try:
-            return self._verbs[verb](*words)
-        except (BfrtError, KeyError) as error:
-            return said(error), None
-        except MemoryError:
-            return ["MemoryError"], None
 
     def has(self, name: str) -> Answer:
         return ["done", name in self._datasets], None
@@ -82,34 +68,13 @@ class Server:
         return ["done", number, array.name, list(array.shape), words_of_type(array.dtype)], None
 
 
-def said(error: BaseException) -> list[Any]:
-    """Return an error as words: its kind, and what it is made of."""
-    made = error.__reduce__()
-    assert isinstance(made, tuple)
-    return [type(error).__name__, *made[1]]
-
-
-def serve(channel: Channel, path: str, limits: Limits) -> None:
-    """Say which datasets a file has, and answer until nothing is asked any more."""
-    with Source(path) as source, closing(Datasets(source, limits)) as datasets:
-        channel.send(["done", *datasets])
-        server = Server(datasets)
-        while True:
-            request, _ = channel.receive()
-            channel.send(*server.answer(*request))
-
-
 def main(path: str, limits: list[Any]) -> None:
-    """Serve by the standard streams, of which nothing else may write into the second."""
-    with io.FileIO(0, closefd=False) as source, io.FileIO(os.dup(1), "w") as target:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        channel = Channel(source, target)
-        with contextlib.suppress(Ended):
-            try:
-                serve(channel, path, Limits(*limits))
-            except BfrtError as error:
-                channel.send(said(error))
-            except Ended:
-                raise
-            except Exception:  # ours: the process that asks shows where
-                channel.send(["RuntimeError", traceback.format_exc()])
+    """Say which datasets a file has, and answer until nothing is asked any more."""
+    with contextlib.ExitStack() as opened:
+
+        def begin() -> tuple[list[Any], Verbs]:
+            source = opened.enter_context(Source(path))
+            datasets = opened.enter_context(closing(Datasets(source, Limits(*limits))))
+            return [*datasets], Server(datasets).verbs
+
+        serve(begin)

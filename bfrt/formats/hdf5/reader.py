@@ -6,8 +6,6 @@ mesh's vertices.
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from contextlib import closing
 from dataclasses import replace
 
@@ -16,6 +14,7 @@ from bfrt.formats.arrays import write_arrays
 from bfrt.formats.hdf5.remote import RemoteArrays
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import RGB, Reading
+from bfrt.formats.remote.process import is_installed
 from bfrt.formats.room import need_of
 from bfrt.formats.source import Report, Source
 
@@ -32,7 +31,7 @@ def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | Non
     StreamError
         If the system refuses to read it.
     """
-    if not is_there("h5py"):
+    if not is_installed("h5py"):
         raise SettingError(f"{path}: HDF5 needs h5py: install bfrt[hdf5]")
     taken = need_of(path, colored=reading.color_by == RGB).blocks
     limits = (taken, reading.room // 2, reading.external_storage)
@@ -44,11 +43,3 @@ def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | Non
         writer.report()
         if report is not None:
             report(source.size)
-
-
-def is_there(module: str) -> bool:
-    """Tell whether a module can be imported, without doing so."""
-    try:
-        return sys.modules.get(module) is not None or importlib.util.find_spec(module) is not None
-    except ValueError:  # it is None there
-        return False

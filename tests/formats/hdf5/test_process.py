@@ -16,9 +16,9 @@ from hdf5_files import CENTERS, snapshot, write
 from meshes import convert, failure, open_files, shapes_of, spheres
 
 from bfrt.errors import BudgetError
-from bfrt.formats.hdf5 import remote
-from bfrt.formats.hdf5.messages import type_of_words, words_of_type
 from bfrt.formats.hdf5.remote import RemoteArrays
+from bfrt.formats.remote import process as remote
+from bfrt.formats.remote.messages import type_of_words, words_of_type
 from bfrt.formats.room import need_of
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: bfrt[hdf5]")
@@ -30,12 +30,13 @@ CRASH = """
 import json, os, sys
 sys.path[:] = sys.argv[2:]
 from bfrt.formats.hdf5 import child
-served = child.Server.answer
-def crash(server, verb, *words):
+from bfrt.formats.remote import serving
+served = serving.answer
+def crash(verbs, verb, *words):
     if verb == {verb!r}:
         os.kill(os.getpid(), {signal})
-    return served(server, verb, *words)
-child.Server.answer = crash
+    return served(verbs, verb, *words)
+serving.answer = crash
 child.main(*json.loads(sys.argv[1]))
 """
 

@@ -1,4 +1,4 @@
-"""What is said between a process and the one that reads HDF5 for it: a few words, and raw bytes.
+"""What is said between a process and one that a library reads in: a few words, and raw bytes.
 
 ::
 
