@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import os
 import shutil
@@ -10,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checkpoints import VIEW, Killed, same_picture, scene_of, tight
+from checkpoints import VIEW, Killed, Stop, same_picture, scene_of, tight
 from signing import sign_state
 
 import bfrt
@@ -18,7 +19,7 @@ from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.pace import Pace
 from bfrt.checkpoint.soundness import RENDER_FACTS
 from bfrt.checkpoint.state import SavedState
-from bfrt.errors import CheckpointError, SettingError
+from bfrt.errors import CheckpointError, SettingError, StreamError
 from bfrt.records import HIT, PATH, RAY
 from bfrt.store.model import Light
 
@@ -240,10 +241,58 @@ def test_one_run_at_a_time(scene, saved, tmp_path):
         scene.render(checkpoint=folder, **SETTINGS)
 
 
+@pytest.mark.parametrize("number", ["ENOLCK", "EOPNOTSUPP", "ENOTSUP", "ENOSYS", "EINVAL", "EBADF"])
+def test_a_folder_that_cannot_be_locked_is_used(scene, expected, tmp_path, monkeypatch, number):
+    """As over NFS, where a folder has no lock of this sort, since none can be written to."""
+
+    def refuse(*_):
+        raise OSError(getattr(errno, number), "no")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    folder = tmp_path / "kept"
+    with pytest.raises(Killed):
+        scene.render(checkpoint=folder, every=0, progress=Stop(9), **SETTINGS)
+    assert list(folder.iterdir())
+    same_picture(scene.render(checkpoint=folder, **SETTINGS), expected)
+    assert not folder.exists()
+
+
+def test_a_lock_that_the_system_refuses_is_an_error(scene, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.EIO, "no")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.raises(StreamError, match=f"^{tmp_path / 'kept'}: creating"):
+        scene.render(checkpoint=tmp_path / "kept", **SETTINGS)
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_run_that_finishes_meanwhile_takes_its_folder_with_it(tmp_path, monkeypatch, linked):
+    """It removes the folder between the look and the lock of another, which makes its own."""
+    folder = named = tmp_path / "kept"
+    if linked:
+        named = tmp_path / "link"
+        named.symlink_to(folder)
+        folder.mkdir()
+    real, spoilt = fcntl.flock, []
+
+    def late(descriptor, how):
+        if not spoilt:
+            spoilt.append(folder.rmdir())
+        real(descriptor, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with Checkpoint(named, 0) as kept:
+        kept.find({}, lambda _: None)
+        kept.save(lambda writer: {"a": writer.put("b", [np.zeros(3)])})
+        assert [path.name for path in folder.iterdir()] == ["state.1"]
+        kept.remove()
+    assert spoilt and list(tmp_path.rglob("state.*")) == []
+
+
 def test_a_save_that_fails_leaves_the_state_before(scene, saved, expected, tmp_path, monkeypatch):
     """At every file that is written."""
     from bfrt.checkpoint import state
-    from bfrt.errors import StreamError
 
     create = state._create
     files = len(list(saved[0].iterdir()))
