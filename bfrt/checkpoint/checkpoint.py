@@ -216,8 +216,9 @@ class Checkpoint:
             raise
         self._number = number
         self._remove(lambda other, _: other != number)
-        self._pace.saved(writer.bytes, time.perf_counter() - start)
-        log.debug("%s: saved %d bytes", self.folder, writer.bytes)
+        seconds = time.perf_counter() - start
+        self._pace.saved(writer.bytes, seconds)
+        log.debug("%s: saved %d bytes in %.3f s", self.folder, writer.bytes, seconds)
 
     @property
     def has_state(self) -> bool:
