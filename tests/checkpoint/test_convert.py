@@ -18,6 +18,8 @@ from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.conversion import convert as conversion
 from bfrt.errors import CheckpointError, SceneError, SettingError
 from bfrt.store.atomic_folder import AtomicFolder
+from bfrt.store.ordering.files import OrderedFiles
+from bfrt.store.ordering.regions import Regions
 
 FOLDER = "bfrt-conversion.part"
 
@@ -165,9 +167,9 @@ def test_a_kill_after_every_window(sources, tmp_path, states, monkeypatch, windo
 
 
 def test_windows_in_order_are_not_made_again(tmp_path, states, monkeypatch):
-    from bfrt.store.ordering.files import OrderedFiles
-
+    """Nor are their objects parted again."""
     monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 60)
+    monkeypatch.setattr("bfrt.store.locality.LOCAL", 0.0)
     (tmp_path / "rich.nff").write_text(RICH)
     sources, numbers = [str(tmp_path / "rich.nff")], []
     append = OrderedFiles.append
@@ -177,10 +179,21 @@ def test_windows_in_order_are_not_made_again(tmp_path, states, monkeypatch):
         numbers.append(window.objects.number)
 
     monkeypatch.setattr(OrderedFiles, "append", counting)
+    regions, put = [], Regions.append
+
+    def putting(given, region, some):
+        put(given, region, some)
+        regions.append(some.number)
+
+    monkeypatch.setattr(Regions, "append", putting)
     target, kept = broken_off(sources, tmp_path, states, at=9, radius=None)
-    assert 60 < sum(numbers) < 640
+    done = sum(numbers)
+    assert 60 < done < 640
+    assert sum(regions) == 700
+    regions.clear()
     converted(sources, target, radius=None, checkpoint=kept)
     assert sum(numbers) == 700
+    assert sum(regions) == 700 - done
 
 
 def read_by(monkeypatch):
