@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import gc
 import json
 import os
 import shutil
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -338,6 +340,35 @@ def test_a_removal_that_the_system_refuses_once(scene, expected, tmp_path, monke
             kept.remove()
         assert not folder.exists()
         assert len(calls) > 1 or place == 2
+
+
+def test_no_file_is_left_to_be_closed(tmp_path):
+    """Nor where the work ends early, and where what is found is refused after a part of it."""
+    given = scene_of(tmp_path / "a.bfrt", groups=1)
+    scene, folder = tight(rows=5, rays=60, candidates=100)(given), tmp_path / "kept"
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always", ResourceWarning)
+        expected = scene.render(**SETTINGS)
+        with pytest.raises(Killed):
+            scene.render(checkpoint=folder, every=0, progress=Band(3), **SETTINGS)
+        (state,) = folder.iterdir()
+        signed(state, lambda _, body: body["facts"].update(stats={}))
+        with pytest.raises(CheckpointError):
+            scene.render(checkpoint=folder, **SETTINGS)
+        gc.collect()
+    assert [str(each.message) for each in seen] == []
+    same_picture(expected, given.render(**SETTINGS))
+
+
+class Band:
+    """Kills a run in a band."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def __call__(self, progress):
+        if progress.band == self.number:
+            raise Killed
 
 
 @pytest.mark.parametrize("where", ["a file", "in a store"])
