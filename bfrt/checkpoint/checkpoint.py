@@ -19,7 +19,7 @@ from bfrt.checkpoint.soundness import check_facts
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.errors import BfrtError, CheckpointError, SettingError, StreamError
 from bfrt.paths import check_folder
-from bfrt.refusals import calling, refused
+from bfrt.refusals import calling, give_up, refused
 from bfrt.store.header import Check
 from bfrt.streams.atomic_write import sync_folder
 from bfrt.streams.ownership import own_folder
@@ -110,7 +110,7 @@ class Checkpoint:
 
     def _release(self) -> None:
         lock, self._lock = self._lock, -1
-        os.close(lock)
+        give_up(lock)
 
     def find(self, identity: Identity, facts: Check) -> SavedState | None:
         """Return the state to go on from, if there is one; begin the work that `identity` says.

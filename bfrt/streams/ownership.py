@@ -23,6 +23,7 @@ import zlib
 from pathlib import Path
 from typing import NamedTuple
 
+from bfrt.refusals import give_up
 from bfrt.streams.removal import remove_file, remove_folder
 
 try:
@@ -249,9 +250,9 @@ def own_folder(path: Path) -> int | None:
             if ours and is_named(descriptor, place):
                 return descriptor
         except BaseException:
-            os.close(descriptor)
+            give_up(descriptor)
             raise
-        os.close(descriptor)
+        give_up(descriptor)
         if not ours:
             return None
     raise OSError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))

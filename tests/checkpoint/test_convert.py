@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -16,7 +17,8 @@ from kills import contents
 import bfrt
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.conversion import convert as conversion
-from bfrt.errors import CheckpointError, SceneError, SettingError
+from bfrt.conversion.kept_files import has_column, remove_others
+from bfrt.errors import CheckpointError, SceneError, SettingError, StreamError
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.ordering.files import OrderedFiles
 from bfrt.store.ordering.regions import Regions
@@ -194,6 +196,20 @@ def test_windows_in_order_are_not_made_again(tmp_path, states, monkeypatch):
     converted(sources, target, radius=None, checkpoint=kept)
     assert sum(numbers) == 700
     assert sum(regions) == 700 - done
+
+
+def test_what_the_system_refuses_to_tell_of_is_an_error_of_ours(tmp_path, monkeypatch):
+    def refuse(path):
+        raise OSError(errno.EIO, "no", str(path))
+
+    (tmp_path / "a").write_bytes(b"a")
+    facts = {"ordering": {"files": {"materials": {"width": 1, "bytes": 1, "crc32": 1}}}}
+    monkeypatch.setattr(Path, "lstat", refuse)
+    with pytest.raises(StreamError, match=f"^{tmp_path / 'a'}: examining"):
+        remove_others(tmp_path, {tmp_path / "a"}, {tmp_path})
+    monkeypatch.setattr(Path, "stat", lambda path, **_: refuse(path))
+    with pytest.raises(StreamError, match=f"^{tmp_path}.*: examining"):
+        has_column(tmp_path / "sphere", facts)
 
 
 def read_by(monkeypatch):
