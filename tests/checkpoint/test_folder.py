@@ -268,6 +268,20 @@ def test_a_lock_that_the_system_refuses_is_an_error(scene, tmp_path, monkeypatch
         scene.render(checkpoint=tmp_path / "kept", **SETTINGS)
 
 
+def test_a_lock_that_the_system_refuses_to_close_is_given_up(tmp_path, monkeypatch):
+    """Nothing was written by it: the work is done."""
+    close = os.close
+
+    def refusing(descriptor):
+        close(descriptor)
+        raise OSError(errno.ENOSPC, "no")
+
+    with Checkpoint(tmp_path / "kept") as kept:
+        kept.find({}, lambda _: None)
+        monkeypatch.setattr(os, "close", refusing)
+    assert not (tmp_path / "kept").exists()
+
+
 @pytest.mark.parametrize("linked", [False, True])
 def test_a_run_that_finishes_meanwhile_takes_its_folder_with_it(tmp_path, monkeypatch, linked):
     """It removes the folder between the look and the lock of another, which makes its own."""
