@@ -88,6 +88,9 @@ class Render:
                 if state.band == state.bands:
                     break
                 state.next_band()
+        except BaseException:
+            state.image.close()
+            raise
         finally:
             state.close()
         state.stats.bad_rays = self._bad + self._tracer.bad

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import signal
 import subprocess
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 #: Files that tell how long work took.
 TIMED = ("made.json",)
+
+#: A complete state in a checkpoint's folder.
+STATE = re.compile(r"state\.[0-9]+")
 
 
 def run(command: Sequence[str], folder: Path, seconds: float | None = None) -> tuple[int, str]:
@@ -44,14 +50,27 @@ def contents(path: Path) -> dict[str, bytes]:
     }
 
 
+class Kills(NamedTuple):
+    """Counts kills, and of the runs after them those that found a state and went on from it."""
+
+    killed: int
+    went_on: int
+
+    def __str__(self) -> str:
+        return f"{self.killed} kills, each followed by the same bytes; {self.went_on} runs went on"
+
+
 def kills(
     work: Callable[[Path], tuple[Sequence[str], Path]],
     folder: Path,
     count: int,
     rng: np.random.Generator,
     anew: Callable[[Path], object] | None = None,
-) -> int:
+) -> Kills:
     """Do work, killed so many times, at moments spread over the time that is left of it.
+
+    After each kill it is done to its end, and then from there again as the kill had left it, so
+    that a run may be killed several times on its way.
 
     Parameters
     ----------
@@ -59,11 +78,6 @@ def kills(
         Returns, for a folder, the command, whose checkpoint is ``kept`` there, and what it makes.
     anew : callable, optional
         Has a folder be as before the work, whenever it is finished.
-
-    Returns
-    -------
-    int
-        How many runs went on where one before was left.
     """
     folder.mkdir()
     (folder / "plain").mkdir()
@@ -72,20 +86,42 @@ def kills(
     assert run(command, folder)[0] == 0
     whole = time.perf_counter() - start
     expected = contents(made)
+    place, aside = folder / "killed", folder / "aside"
+    place.mkdir()
     killed = went_on = 0
-    command, made = work(folder)
-    while True:
-        last = killed >= count
-        status, said = run(command, folder, None if last else rng.uniform(0.2, 1.0) * whole)
-        killed += status != 0
-        went_on += "goes on where it was left" in said
-        if status == 0:
-            assert contents(made) == expected
-            assert not (folder / "kept").exists()
-            if last:
-                break
+    command, made = work(place)
+    before = names(place)
+    while killed < count:
+        status, _ = run(command, place, rng.uniform(0.2, 1.0) * whole)
+        if status:
+            killed += 1
+            shutil.copytree(place, aside, symlinks=True)
+            saved = [name for name in names(place / "kept") if STATE.fullmatch(name)]
+            status, said = run(command, place)
+            assert ("goes on where it was left" in said) >= bool(saved)
+            went_on += "goes on where it was left" in said
+            check_done(place, before, made, expected)
+            shutil.rmtree(place)
+            aside.rename(place)
+        else:
+            check_done(place, before, made, expected)
             if anew is not None:
-                anew(folder)
-    left = [path.name for path in folder.rglob("*") if ".bfrt-" in path.name]
-    assert left == []
-    return went_on
+                anew(place)
+    return Kills(killed, went_on)
+
+
+def check_done(place: Path, before: set[str], made: Path, expected: dict[str, bytes]) -> None:
+    """Hold what work has made to what it makes alone; there is nothing else."""
+    assert contents(made) == expected
+    assert names(place) == before | {made.relative_to(place).parts[0]}
+    assert litter(place) == []
+
+
+def names(folder: Path) -> set[str]:
+    """Return the names in a folder, which need not be there."""
+    return {path.name for path in folder.iterdir()} if folder.exists() else set()
+
+
+def litter(folder: Path) -> list[str]:
+    """Return the names of all temporary things in a folder, and below."""
+    return [path.name for path in folder.rglob("*") if ".bfrt-" in path.name]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import logging
 import math
 import os
@@ -21,9 +19,10 @@ from bfrt.checkpoint.soundness import check_facts
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.errors import BfrtError, CheckpointError, SettingError, StreamError
 from bfrt.paths import check_folder
-from bfrt.refusals import refused
+from bfrt.refusals import calling, give_up, refused
 from bfrt.store.header import Check
 from bfrt.streams.atomic_write import sync_folder
+from bfrt.streams.ownership import own_folder
 from bfrt.streams.removal import insist, remove_file, remove_folder
 
 log = logging.getLogger(__name__)
@@ -37,9 +36,6 @@ PART = ".part"
 
 #: What files of marks that are made begin with (`bfrt.grid.marks_log`).
 MARKS = "bfrt-marks"
-
-#: What the system says where folders cannot be locked: some network file systems.
-UNLOCKED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 
 
 class Checkpoint:
@@ -84,13 +80,15 @@ class Checkpoint:
         self._lock = -1
 
     def __enter__(self) -> Checkpoint:
+        with calling(self.folder, "creating"):
+            lock = own_folder(self.folder)
+        if lock is None:
+            raise SettingError(
+                f"checkpoint: {self.folder}: found another run at work with it, expected a folder "
+                "for each"
+            )
+        self._lock = lock
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        except OSError as error:
-            raise refused(self.folder, 0, error, "creating") from error
-        try:
-            self._take()
             self._remove(lambda _, part: part)
         except BaseException:
             self._release()
@@ -110,22 +108,9 @@ class Checkpoint:
             log.debug("%s: is left as it is: %s", self.folder, error)
         self._release()
 
-    def _take(self) -> None:
-        """Lock the folder."""
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SettingError(
-                f"checkpoint: {self.folder}: found another run at work with it, expected a folder "
-                "for each"
-            ) from None
-        except OSError as error:
-            if error.errno not in UNLOCKED:
-                raise refused(self.folder, 0, error, "locking") from error
-
     def _release(self) -> None:
         lock, self._lock = self._lock, -1
-        os.close(lock)
+        give_up(lock)
 
     def find(self, identity: Identity, facts: Check) -> SavedState | None:
         """Return the state to go on from, if there is one; begin the work that `identity` says.
@@ -231,8 +216,9 @@ class Checkpoint:
             raise
         self._number = number
         self._remove(lambda other, _: other != number)
-        self._pace.saved(writer.bytes, time.perf_counter() - start)
-        log.debug("%s: saved %d bytes", self.folder, writer.bytes)
+        seconds = time.perf_counter() - start
+        self._pace.saved(writer.bytes, seconds)
+        log.debug("%s: saved %d bytes in %.3f s", self.folder, writer.bytes, seconds)
 
     @property
     def has_state(self) -> bool:

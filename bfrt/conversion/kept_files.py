@@ -11,7 +11,7 @@ from bfrt.checkpoint.state import HEADER as STATE
 from bfrt.checkpoint.state import Facts, SavedState, check_file
 from bfrt.errors import CheckpointError
 from bfrt.ids import stream_number, stream_of
-from bfrt.paths import HEADER, is_folder
+from bfrt.paths import HEADER, is_file, is_folder
 from bfrt.records import Kind
 from bfrt.refusals import calling, refused
 from bfrt.store.file_facts import checksum_of
@@ -38,7 +38,7 @@ def hold_to_state(folder: Path, state: SavedState, *, whole: bool) -> None:
     StreamError
         If the system refuses.
     """
-    if folder.is_symlink() or not is_folder(folder):
+    if is_link(folder) or not is_folder(folder):
         raise CheckpointError(f"{folder}: found no folder, expected the store that is made")
     groups = state.facts["groups"]
     for number, group in enumerate(groups):
@@ -102,8 +102,8 @@ def has_column(place: Path, stream: Facts) -> bool:
     facts = stream["ordering"]["files"]["materials"]
     path = ordered_folder(place) / f"materials.{facts['width']}"
     last = path.with_suffix("")
-    if path.is_file() or not last.is_file():
-        return path.is_file()
+    if is_file(path) or not is_file(last):
+        return is_file(path)
     with calling(path, "renaming to it"):
         last.rename(path)
     cut(path, facts)
@@ -135,15 +135,21 @@ def remove_others(folder: Path, files: set[Path], folders: set[Path]) -> None:
         raise refused(folder, 0, error, "reading") from error
 
     for place, below, names in os.walk(folder, onerror=refuse):
-        links = [name for name in below if (Path(place) / name).is_symlink()]
+        links = [name for name in below if is_link(Path(place) / name)]
         others = [name for name in below if Path(place) / name not in folders]
         for name in set(others) - set(links):
             removed(Path(place) / name)
         below[:] = set(below) - set(links) - set(others)
         for path in [Path(place) / name for name in (*names, *links)]:
-            if path not in files or path.is_symlink():
+            if path not in files or is_link(path):
                 with calling(path, "removing"):
                     path.unlink()
+
+
+def is_link(path: Path) -> bool:
+    """Tell whether a path is a link; `StreamError` where the system refuses to say it."""
+    with calling(path, "examining"):
+        return path.is_symlink()
 
 
 def removed(folder: Path) -> None:

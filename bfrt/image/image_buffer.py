@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from bfrt.errors import ShortReadError
 from bfrt.image.film import Film
-from bfrt.refusals import calling
+from bfrt.refusals import calling, give_up
 from bfrt.streams.atomic_write import nameless
 from bfrt.streams.spool import LOOKED_AT_BYTES
 from bfrt.streams.writer import write_all
@@ -118,15 +118,27 @@ class ImageBuffer:
         self._row = done // self._shape[1]
 
     def channels(self) -> Channels:
-        """Return the finished picture; arrays on disk are read on demand."""
+        """Return the finished picture; arrays on disk are read on demand.
+
+        Afterwards those alone hold what is on disk.
+        """
         if self._file is None:
             return self._channels
         size = self._shape[0] * self._shape[1] * 4
-        with calling(self._path, "mapping"):
-            return {
-                name: np.memmap(self._file, dtype, "r", number * size, self._shape)
-                for number, (name, dtype) in enumerate(self._types.items())
-            }
+        try:
+            with calling(self._path, "mapping"):
+                return {
+                    name: np.memmap(self._file, dtype, "r", number * size, self._shape)
+                    for number, (name, dtype) in enumerate(self._types.items())
+                }
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Free the disk, unless arrays hold it."""
+        if self._file is not None:
+            give_up(self._file)
+            self._file = None
 
 
 def expect(pixels: npt.NDArray[Any], rows: slice) -> None:

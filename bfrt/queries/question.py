@@ -209,7 +209,7 @@ def go_on(
     """
     facts, tracer = saved.facts, query.tracer
     saved.sound = Sound(tracer.store, rays=facts["rays"]["taken"])
-    query.queue.go_on(facts["rays"])
+    query.queue.go_on(saved.folder.parent, facts["rays"])
     query.stats.go_on(facts["stats"])
     done: int = facts["done"]
     again = tracer.begun_again(saved, facts["tracer"])

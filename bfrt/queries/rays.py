@@ -7,6 +7,7 @@ import os
 import zlib
 from collections.abc import Iterable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,11 +99,13 @@ class RayQueue:
         block = self.take(most)
         return self.records(block, 0, len(block[0]), first).view(HIT)
 
-    def go_on(self, saved: Facts) -> None:
+    def go_on(self, folder: Path, saved: Facts) -> None:
         """Go on behind the rays that were taken before, which must be the same.
 
         Parameters
         ----------
+        folder : Path
+            The checkpoint's, for an error.
         saved : dict
             What `facts` returned.
 
@@ -116,13 +119,13 @@ class RayQueue:
             self.take(min(RAYS_AT_ONCE, taken - self.taken))
         if self.taken < taken:
             raise SettingError(
-                f"checkpoint: found {self.taken} rays, expected the {taken} or more that the work "
-                "was begun with"
+                f"checkpoint: {folder}: found {self.taken} rays, expected the {taken} or more that "
+                "the work was begun with"
             )
         if self._checks != saved["checksums"]:
             raise SettingError(
-                f"checkpoint: found other rays among the first {taken} than the work was begun "
-                "with, expected the same: go on as it was begun, or name another folder"
+                f"checkpoint: {folder}: found other rays among the first {taken} than the work was "
+                "begun with, expected the same: go on as it was begun, or name another folder"
             )
         self._bad.append(saved["bad"])
 

@@ -23,6 +23,7 @@ import zlib
 from pathlib import Path
 from typing import NamedTuple
 
+from bfrt.refusals import give_up
 from bfrt.streams.removal import remove_file, remove_folder
 
 try:
@@ -222,6 +223,39 @@ def lock(descriptor: int) -> bool | None:
             return None
         raise
     return True
+
+
+def own_folder(path: Path) -> int | None:
+    """Lock a folder by its name, links followed; create it and those above, unless it is there.
+
+    One that its owner removes meanwhile is created again.
+
+    Returns
+    -------
+    int or None
+        A descriptor, which has the lock for its life where the system has such locks; None where
+        another has it.
+
+    Raises
+    ------
+    OSError
+        As the system refuses.
+    """
+    for _ in range(TRIES):
+        place = Path(os.path.realpath(path))
+        place.mkdir(parents=True, exist_ok=True)
+        descriptor = look_at(place, FOLDER)
+        try:
+            ours = lock(descriptor) is not False
+            if ours and is_named(descriptor, place):
+                return descriptor
+        except BaseException:
+            give_up(descriptor)
+            raise
+        give_up(descriptor)
+        if not ours:
+            return None
+    raise OSError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
 
 
 def is_named(descriptor: int, path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -16,8 +17,11 @@ from kills import contents
 import bfrt
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.conversion import convert as conversion
-from bfrt.errors import CheckpointError, SceneError, SettingError
+from bfrt.conversion.kept_files import has_column, remove_others
+from bfrt.errors import CheckpointError, SceneError, SettingError, StreamError
 from bfrt.store.atomic_folder import AtomicFolder
+from bfrt.store.ordering.files import OrderedFiles
+from bfrt.store.ordering.regions import Regions
 
 FOLDER = "bfrt-conversion.part"
 
@@ -165,9 +169,9 @@ def test_a_kill_after_every_window(sources, tmp_path, states, monkeypatch, windo
 
 
 def test_windows_in_order_are_not_made_again(tmp_path, states, monkeypatch):
-    from bfrt.store.ordering.files import OrderedFiles
-
+    """Nor are their objects parted again."""
     monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 60)
+    monkeypatch.setattr("bfrt.store.locality.LOCAL", 0.0)
     (tmp_path / "rich.nff").write_text(RICH)
     sources, numbers = [str(tmp_path / "rich.nff")], []
     append = OrderedFiles.append
@@ -177,10 +181,35 @@ def test_windows_in_order_are_not_made_again(tmp_path, states, monkeypatch):
         numbers.append(window.objects.number)
 
     monkeypatch.setattr(OrderedFiles, "append", counting)
+    regions, put = [], Regions.append
+
+    def putting(given, region, some):
+        put(given, region, some)
+        regions.append(some.number)
+
+    monkeypatch.setattr(Regions, "append", putting)
     target, kept = broken_off(sources, tmp_path, states, at=9, radius=None)
-    assert 60 < sum(numbers) < 640
+    done = sum(numbers)
+    assert 60 < done < 640
+    assert sum(regions) == 700
+    regions.clear()
     converted(sources, target, radius=None, checkpoint=kept)
     assert sum(numbers) == 700
+    assert sum(regions) == 700 - done
+
+
+def test_what_the_system_refuses_to_tell_of_is_an_error_of_ours(tmp_path, monkeypatch):
+    def refuse(path):
+        raise OSError(errno.EIO, "no", str(path))
+
+    (tmp_path / "a").write_bytes(b"a")
+    facts = {"ordering": {"files": {"materials": {"width": 1, "bytes": 1, "crc32": 1}}}}
+    monkeypatch.setattr(Path, "lstat", refuse)
+    with pytest.raises(StreamError, match=f"^{tmp_path / 'a'}: examining"):
+        remove_others(tmp_path, {tmp_path / "a"}, {tmp_path})
+    monkeypatch.setattr(Path, "stat", lambda path, **_: refuse(path))
+    with pytest.raises(StreamError, match=f"^{tmp_path}.*: examining"):
+        has_column(tmp_path / "sphere", facts)
 
 
 def read_by(monkeypatch):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import errno
+import fcntl
+import gc
 import json
 import os
 import shutil
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from checkpoints import VIEW, Killed, same_picture, scene_of, tight
+from checkpoints import VIEW, Killed, Stop, same_picture, scene_of, tight
 from signing import sign_state
 
 import bfrt
@@ -18,7 +21,7 @@ from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.pace import Pace
 from bfrt.checkpoint.soundness import RENDER_FACTS
 from bfrt.checkpoint.state import SavedState
-from bfrt.errors import CheckpointError, SettingError
+from bfrt.errors import CheckpointError, SettingError, StreamError
 from bfrt.records import HIT, PATH, RAY
 from bfrt.store.model import Light
 
@@ -240,10 +243,72 @@ def test_one_run_at_a_time(scene, saved, tmp_path):
         scene.render(checkpoint=folder, **SETTINGS)
 
 
+@pytest.mark.parametrize("number", ["ENOLCK", "EOPNOTSUPP", "ENOTSUP", "ENOSYS", "EINVAL", "EBADF"])
+def test_a_folder_that_cannot_be_locked_is_used(scene, expected, tmp_path, monkeypatch, number):
+    """As over NFS, where a folder has no lock of this sort, since none can be written to."""
+
+    def refuse(*_):
+        raise OSError(getattr(errno, number), "no")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    folder = tmp_path / "kept"
+    with pytest.raises(Killed):
+        scene.render(checkpoint=folder, every=0, progress=Stop(9), **SETTINGS)
+    assert list(folder.iterdir())
+    same_picture(scene.render(checkpoint=folder, **SETTINGS), expected)
+    assert not folder.exists()
+
+
+def test_a_lock_that_the_system_refuses_is_an_error(scene, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.EIO, "no")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.raises(StreamError, match=f"^{tmp_path / 'kept'}: creating"):
+        scene.render(checkpoint=tmp_path / "kept", **SETTINGS)
+
+
+def test_a_lock_that_the_system_refuses_to_close_is_given_up(tmp_path, monkeypatch):
+    """Nothing was written by it: the work is done."""
+    close = os.close
+
+    def refusing(descriptor):
+        close(descriptor)
+        raise OSError(errno.ENOSPC, "no")
+
+    with Checkpoint(tmp_path / "kept") as kept:
+        kept.find({}, lambda _: None)
+        monkeypatch.setattr(os, "close", refusing)
+    assert not (tmp_path / "kept").exists()
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_run_that_finishes_meanwhile_takes_its_folder_with_it(tmp_path, monkeypatch, linked):
+    """It removes the folder between the look and the lock of another, which makes its own."""
+    folder = named = tmp_path / "kept"
+    if linked:
+        named = tmp_path / "link"
+        named.symlink_to(folder)
+        folder.mkdir()
+    real, spoilt = fcntl.flock, []
+
+    def late(descriptor, how):
+        if not spoilt:
+            spoilt.append(folder.rmdir())
+        real(descriptor, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with Checkpoint(named, 0) as kept:
+        kept.find({}, lambda _: None)
+        kept.save(lambda writer: {"a": writer.put("b", [np.zeros(3)])})
+        assert [path.name for path in folder.iterdir()] == ["state.1"]
+        kept.remove()
+    assert spoilt and list(tmp_path.rglob("state.*")) == []
+
+
 def test_a_save_that_fails_leaves_the_state_before(scene, saved, expected, tmp_path, monkeypatch):
     """At every file that is written."""
     from bfrt.checkpoint import state
-    from bfrt.errors import StreamError
 
     create = state._create
     files = len(list(saved[0].iterdir()))
@@ -289,6 +354,35 @@ def test_a_removal_that_the_system_refuses_once(scene, expected, tmp_path, monke
             kept.remove()
         assert not folder.exists()
         assert len(calls) > 1 or place == 2
+
+
+def test_no_file_is_left_to_be_closed(tmp_path):
+    """Nor where the work ends early, and where what is found is refused after a part of it."""
+    given = scene_of(tmp_path / "a.bfrt", groups=1)
+    scene, folder = tight(rows=5, rays=60, candidates=100)(given), tmp_path / "kept"
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always", ResourceWarning)
+        expected = scene.render(**SETTINGS)
+        with pytest.raises(Killed):
+            scene.render(checkpoint=folder, every=0, progress=Band(3), **SETTINGS)
+        (state,) = folder.iterdir()
+        signed(state, lambda _, body: body["facts"].update(stats={}))
+        with pytest.raises(CheckpointError):
+            scene.render(checkpoint=folder, **SETTINGS)
+        gc.collect()
+    assert [str(each.message) for each in seen] == []
+    same_picture(expected, given.render(**SETTINGS))
+
+
+class Band:
+    """Kills a run in a band."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def __call__(self, progress):
+        if progress.band == self.number:
+            raise Killed
 
 
 @pytest.mark.parametrize("where", ["a file", "in a store"])

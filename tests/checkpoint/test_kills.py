@@ -16,7 +16,8 @@ import bfrt
 
 #: Has a query write its answer to a folder, as a caller's script would.
 QUERY = """
-import sys, bfrt
+import logging, sys, bfrt
+logging.basicConfig(level=logging.INFO)
 store, rays, out, kept, refine = sys.argv[1:]
 bfrt.cast_rays(store, rays + "/o.npy", rays + "/d.npy", out=out, checkpoint=kept, every=0,
                refine=refine, memory="72MiB", threads=1)
@@ -61,10 +62,11 @@ def test_three_kills(stores, tmp_path, what):
 @pytest.mark.slow
 @pytest.mark.parametrize("what", ["render base", "render sg", *WORK, "query base", "query tree"])
 def test_a_hundred_kills(stores, tmp_path, what):
-    went_on = kills(
+    found = kills(
         partial(work_of, stores, what), tmp_path / "work", 100, np.random.default_rng(len(what))
     )
-    assert went_on > 0 or what.startswith("query")
+    print(f"{what}: {found}")
+    assert found.went_on > 10
 
 
 def test_the_command_says_that_it_goes_on(stores, tmp_path):

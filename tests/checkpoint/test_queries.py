@@ -116,7 +116,8 @@ def test_blocks_that_come_once_more(scenes, rays, expected, tmp_path):
 
 def test_other_rays_are_refused(scenes, rays, tmp_path):
     origins, directions, near, far = rays
-    settings = {"out": tmp_path / "out", "checkpoint": tmp_path / "kept", "every": 0}
+    kept = tmp_path / "kept"
+    settings = {"out": tmp_path / "out", "checkpoint": kept, "every": 0}
     scene = tight()(scenes["given"])
     with pytest.raises(Killed):
         scene.cast_rays(*rays, progress=Stop(9), **settings)
@@ -125,9 +126,9 @@ def test_other_rays_are_refused(scenes, rays, tmp_path):
     other = [(moved, directions, near, far), (origins, -directions, near, far),
              (origins, directions, near + 1e-9, far), (origins, directions, near, 5.0)]  # fmt: skip
     for given in other:
-        with pytest.raises(SettingError, match="found other rays among the first"):
+        with pytest.raises(SettingError, match=f"{kept}: found other rays among the"):
             scene.cast_rays(*given, **settings)
-    with pytest.raises(SettingError, match="found 2 rays, expected the"):
+    with pytest.raises(SettingError, match=f"{kept}: found 2 rays, expected the"):
         scene.cast_rays(origins[:2], directions[:2], **settings)
     with pytest.raises(SettingError, match='with work "cast_rays", expected work "occluded"'):
         scene.occluded(*rays, **settings)

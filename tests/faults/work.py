@@ -6,11 +6,13 @@ Works that keep a checkpoint are done once more where they failed: that goes on 
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
 import array_files
 import numpy as np
@@ -22,6 +24,7 @@ from injected import dividing
 
 import bfrt
 from bfrt.budget import GridCapacities
+from bfrt.checkpoint.state import StateWriter
 
 #: Rays of a query.
 RAYS = 300
@@ -239,6 +242,46 @@ def asked(query: str, refine: str, folder: Path, **more) -> bytes:
         return b"".join(np.asarray(answer[key]).tobytes() for key in sorted(answer))
 
 
+#: Objects of a window, so that those of a file take several.
+WINDOW = 8
+
+#: The save of the second window: two sources and one window were saved before.
+SAVED_WINDOW = 4
+
+
+def two_files(folder: Path) -> None:
+    npy(folder)
+    obj(folder)
+
+
+def converted(folder: Path, **more) -> bytes:
+    """Convert with a checkpoint, into spatial order by several windows."""
+    os.chdir(folder)  # a conversion goes on with sources of the same paths
+    with mock.patch("bfrt.store.ordering.order.WINDOW", WINDOW):
+        bfrt.convert(
+            ["in/a.npy", "in/a.obj"], folder / "out" / "a.bfrt", radius=0.1,
+            order="spatial", scratch=folder / "tmp",
+            checkpoint=folder / "out" / "kept", every=0, **more,
+        ).close()  # fmt: skip
+    return b""
+
+
+def broken_off_conversion(folder: Path) -> None:
+    """Break a conversion off in a save, when a window that no state has is on the disk."""
+    two_files(folder)
+    complete, calls = StateWriter.complete, []
+
+    def stop(writer: StateWriter, *facts) -> None:
+        calls.append(writer)
+        if len(calls) == SAVED_WINDOW:
+            raise Killed
+        complete(writer, *facts)
+
+    with mock.patch.object(StateWriter, "complete", stop), contextlib.suppress(Killed):
+        converted(folder)
+    assert len(list((folder / "out" / "kept").rglob("*.ordered"))) == 1
+
+
 def keeping(run: Callable[..., bytes], order: str) -> Work:
     """A work that keeps a checkpoint."""
     return Work(partial(scene, order=order), run, resumes=True)
@@ -318,6 +361,8 @@ WORKS: dict[str, Work] = {
     "count_intersections": asking("count_intersections", "sgb"),
     "list_intersections": asking("list_intersections", "tree"),
     "list_intersections, spooled": asking("list_intersections", "tree", tight),
+    "convert, kept": Work(two_files, converted, resumes=True),
+    "convert, resumed": Work(broken_off_conversion, converted, resumes=True),
     "render by treelets, kept": keeping(partial(rendered, "tree"), "auto"),
     "render by treelets, resumed": resuming(partial(rendered, "tree"), "auto"),
     "render by a grid, kept": keeping(partial(rendered, "sgb"), "given"),

@@ -115,6 +115,13 @@ def test_windows_are_a_permutation_whatever_lies_together(tmp_path_factory, n, w
             places = some.geometry.view(np.float32).reshape(-1, 4)[:, :3]
             np.testing.assert_array_equal(places, centers[some.ids.astype(int)])
             np.testing.assert_array_equal(some.materials, some.ids % 7)
+        first = int(rng.integers(0, len(windows) + 1))
+        done = sum(w.number for w in windows[:first])
+        others = list(way(source_of(centers), means, done))
+        assert [w.ids.tolist() for w in others] == [w.ids.tolist() for w in windows[first:]]
+        for one, other in zip(windows[first:], others, strict=True):
+            assert one.geometry.tobytes() == other.geometry.tobytes()
+            assert one.materials.tobytes() == other.materials.tobytes()
     assert not list(means.scratch.iterdir())
 
 

@@ -93,8 +93,8 @@ class Ordering:
             yield from self._files.boxes()
         passes.add(self._files.done)
         with (
-            closing(way(self._source, means)) as windows,
-            closing(ordered(behind(windows, self._files.done), layout, means.threads)) as made,
+            closing(way(self._source, means, self._files.done)) as windows,
+            closing(ordered(windows, layout, means.threads)) as made,
         ):
             for window in made:
                 self._look(window.objects.ids, self._files.done)
@@ -130,12 +130,3 @@ class Ordering:
     def abandon(self) -> None:
         """Give the files up."""
         self._files.abandon()
-
-
-def behind(windows: Iterator[Objects], done: int) -> Iterator[Objects]:
-    """Yield the windows behind the first `done` objects, which are those of whole windows."""
-    passed = 0
-    for window in windows:
-        if passed >= done:
-            yield window
-        passed += window.number

@@ -78,11 +78,14 @@ class Placed(NamedTuple):
     centers: NDArray[np.float64]
 
 
-def as_they_come(source: Source, means: Means) -> Generator[Objects, None, None]:
-    """Yield all objects in windows, in the order in which they are."""
+def as_they_come(source: Source, means: Means, done: int = 0) -> Generator[Objects, None, None]:
+    """Yield all objects in windows, in the order in which they are.
+
+    The first `done` objects, which are those of whole windows, are left out.
+    """
     held: list[Objects] = []
     weight = 0
-    for block in source.blocks():
+    for block in _behind(source.blocks(), done, source.layout):
         ends = np.cumsum(weights_of(block, source.layout))
         first = 0
         while first < block.number:
@@ -103,10 +106,22 @@ def as_they_come(source: Source, means: Means) -> Generator[Objects, None, None]
         yield joined(held)
 
 
-def by_place(source: Source, means: Means) -> Generator[Objects, None, None]:
-    """Yield all objects in windows, along a curve through space."""
+def _behind(blocks: Iterator[Objects], done: int, layout: Layout) -> Iterator[Objects]:
+    """Yield the objects behind the first `done`."""
+    for block in blocks:
+        if done < block.number:
+            yield block.between(done, block.number, layout) if done else block
+        done = max(0, done - block.number)
+
+
+def by_place(source: Source, means: Means, done: int = 0) -> Generator[Objects, None, None]:
+    """Yield all objects in windows, along a curve through space.
+
+    The first `done` objects, which are those of whole windows, are left out: parts of such alone
+    get no region.
+    """
     if source.around.diagonal == 0.0:  # all in one place
-        yield from as_they_come(source, means)
+        yield from as_they_come(source, means, done)
         return
 
     def picker() -> Iterator[Objects]:
@@ -116,20 +131,22 @@ def by_place(source: Source, means: Means) -> Generator[Objects, None, None]:
     part_of, parts = _parts(weights, means.window)
     counted = [np.bincount(part_of, each, parts).astype(np.int64) for each in (objects, records)]
     heavy = np.bincount(part_of, weights, parts) > means.window
-    filled = np.flatnonzero(counted[0]).tolist()
     layout = source.layout
+    ends = np.cumsum(counted[0])
+    begins = ends - counted[0]
+    left = ends > np.maximum(begins, done)
     sizes = counted[0] * object_bytes(layout) + counted[1] * layout.stride
     most = int(sizes.argmax())
     picked = most if heavy[most] and 2 * sizes[most] > sizes.sum() else -1
-    if picked >= 0:
-        counted[0][picked] = counted[1][picked] = 0
-    regions = Regions(layout, counted[0], counted[1], means.scratch)
+    kept = left & (np.arange(parts) != picked)
+    regions = Regions(layout, counted[0] * kept, counted[1] * kept, means.scratch)
     try:
         around = _fill(regions, part_of, heavy, source, means)
-        for part in filled:
+        for part in np.flatnonzero(left).tolist():
             if heavy[part]:
                 reader = regions.reader(part) if part != picked else picker
-                yield from by_place(Source(layout, reader, around[part]), means)
+                behind = max(0, done - int(begins[part]))
+                yield from by_place(Source(layout, reader, around[part]), means, behind)
             else:
                 yield joined(list(regions.reader(part)()))
     finally:
