@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import SettingError
+from bfrt.formats.gzipped import is_packed, suffix_of
 from bfrt.formats.hdf5.reader import read_hdf5
 from bfrt.formats.las import read_las
+from bfrt.formats.lines.reader import read_lines
 from bfrt.formats.nff import read_nff
 from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
@@ -63,7 +65,11 @@ READERS: dict[str, Reader] = {
     ".hdf5": read_hdf5,
     ".las": read_las,
     ".laz": read_las,
+    **dict.fromkeys((".xyz", ".csv", ".txt", ".pts", ".asc"), read_lines),
 }
+
+#: Readers of what may be text, which gzip may have packed (.nff.gz, ...).
+OF_TEXT = (read_nff_as_is, read_ply, read_stl, read_obj, read_lines)
 
 
 def sources_of(given: PathLike | Sequence[PathLike]) -> tuple[SceneSource, ...]:
@@ -97,13 +103,20 @@ def reader_of(name: str) -> Reader | None:
     """
     if name.startswith("spd:"):
         return None
-    suffix = ".nff" if name == "-" else Path(name).suffix.lower()
+    suffix = ".nff" if name == "-" else suffix_of(name)
     if suffix not in READERS:
         raise SettingError(
             f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(READERS)}, "
             "spd:NAME:SIZE, or - for NFF from standard input"
         )
-    return READERS[suffix]
+    reader = READERS[suffix]
+    if is_packed(name) and reader not in OF_TEXT:
+        texts = [suffix for suffix, reader in READERS.items() if reader in OF_TEXT]
+        raise SettingError(
+            f"{name}: found {suffix} that gzip has packed, expected it unpacked: packed are "
+            f"{', '.join(texts)}"
+        )
+    return reader
 
 
 def parse_spd(name: str, hash: str | None = None) -> SpdScene:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import BudgetError, StreamError
+from bfrt.formats.gzipped import is_packed, suffix_of
 from bfrt.memory import BASELINE, format_memory
 from bfrt.paths import UNKNOWN, facts_at
 
@@ -106,8 +107,8 @@ def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Nee
     colored : bool
         Whether the file's own colors are taken.
     """
-    taken = FORMATS.get(".nff" if name == "-" else Path(name).suffix.lower(), OBJECTS)
-    full = math.inf if taken.packed else size_of(name) if size is None else size
+    taken = FORMATS.get(".nff" if name == "-" else suffix_of(name), OBJECTS)
+    full = math.inf if taken.packed or is_packed(name) else size_of(name) if size is None else size
     most = taken.blocks + (COLORS if colored else 0)
     blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
     return Need(name, blocks, blocks + int(min(taken.fewest, VERTICES * full)))

@@ -73,10 +73,10 @@ class PlyPoints:
         self._vertex = vertex
         self._asked = painting(vertex, reading)
         self.painted = bool(self._asked)
-        radius = reading.radius
-        if radius is None and vertex.find("radius"):
+        radius = reading.radius_column
+        if reading.radius is None and vertex.find("radius"):
             radius = "radius"
-        self._radius = (radius,) if isinstance(radius, str) else ()
+        self._radius = () if radius is None else (radius,)
         for names in (self._radius, self._asked):
             if not all(vertex.find(name) for name in names):
                 raise missing(ply, names, "vertex")
