@@ -1,5 +1,5 @@
+import enum
 from collections.abc import Sequence
-from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -8,7 +8,7 @@ from bfrt.formats.text import Tokens
 
 MOST_COLUMNS: int
 
-class Fault(IntEnum):
+class Fault(enum.IntEnum):
     NO_NUMBER = 1
     OTHER_COLUMNS = 2
 

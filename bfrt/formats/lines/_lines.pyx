@@ -21,10 +21,10 @@ cpdef enum Fault:
     OTHER_COLUMNS
 
 cdef enum:
-    MOST = 4096  # columns of a line
+    WIDEST = 4096  # columns of a line
     QUOTE = 34
 
-MOST_COLUMNS = MOST
+MOST_COLUMNS = WIDEST
 
 
 cdef inline bint is_end(unsigned char byte) noexcept nogil:
@@ -103,11 +103,11 @@ cdef class Columns(Tokens):
     cdef int64_t most
     cdef int columns
     cdef int width
-    cdef int places[MOST]
+    cdef int places[WIDEST]
     cdef double *out
 
     def __init__(self, places, int width, bytes separator, int64_t line, int64_t most):
-        if len(places) > MOST:
+        if len(places) > WIDEST:
             raise ValueError(f"{len(places)} columns: no room for them")
         self.columns = len(places)
         for i, place in enumerate(places):

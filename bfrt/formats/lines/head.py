@@ -29,6 +29,9 @@ USUAL = {
     7: (*POSITION, "intensity", *COLOR),
 }
 
+#: Digits of a count, at the most: of more it is none of rows.
+COUNT_DIGITS = 18
+
 #: What stands for a column that is not wanted, in the names that a setting gives.
 NO_NAME = "-"
 
@@ -92,7 +95,7 @@ def read_head(source: Source, column_names: str | None) -> Head:
         text = line.text.strip()
         if text.startswith(COMMENTS):
             comment = line
-        elif text and rows is None and title is None and text.isdigit():
+        elif rows is None and title is None and text.isdigit() and len(text) <= COUNT_DIGITS:
             rows = int(text)
         elif text and title is None and is_title(text):
             title = line
