@@ -10,12 +10,15 @@ from typing import NamedTuple
 from bfrt.errors import SettingError
 from bfrt.formats.gzipped import is_packed, suffix_of
 from bfrt.formats.hdf5.reader import read_hdf5
+from bfrt.formats.lammps import read_lammps
 from bfrt.formats.las import read_las
 from bfrt.formats.lines.reader import read_lines
 from bfrt.formats.nff import read_nff
 from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
 from bfrt.formats.object_writer import SceneSink
+from bfrt.formats.off import read_off
+from bfrt.formats.pcd.reader import read_pcd
 from bfrt.formats.ply.reader import read_ply
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report
@@ -66,10 +69,16 @@ READERS: dict[str, Reader] = {
     ".las": read_las,
     ".laz": read_las,
     **dict.fromkeys((".xyz", ".csv", ".txt", ".pts", ".asc"), read_lines),
+    ".pcd": read_pcd,
+    ".off": read_off,
+    ".lammpstrj": read_lammps,
+    ".dump": read_lammps,
 }
 
 #: Readers of what may be text, which gzip may have packed (.nff.gz, ...).
-OF_TEXT = (read_nff_as_is, read_ply, read_stl, read_obj, read_lines)
+OF_TEXT = (
+    read_nff_as_is, read_ply, read_stl, read_obj, read_lines, read_pcd, read_off, read_lammps,
+)  # fmt: skip
 
 
 def sources_of(given: PathLike | Sequence[PathLike]) -> tuple[SceneSource, ...]:

@@ -72,6 +72,7 @@ FORMATS = {
     ".npz": MESH._replace(packed=True),
     ".h5": HDF5,
     ".hdf5": HDF5,
+    ".off": MESH,
     ".las": LAS,
     ".laz": LAS._replace(packed=True),
 }
@@ -153,6 +154,22 @@ def check_corners(name: str, corners: int, room: int) -> None:
         raise BudgetError(
             f"{name}: found a face of {corners} corners, expected a budget of "
             f"{format_memory(short)} more to convert it"
+        )
+
+
+def check_colors(name: str, size: int, room: int) -> None:
+    """Refuse colors of a file's own, which nobody asked for, where the budget has no room for them.
+
+    Raises
+    ------
+    BudgetError
+        If it has none; the message tells how much is missing.
+    """
+    short = min(COLORS, GROWTH * size) - room
+    if short > 0:
+        raise BudgetError(
+            f"{name}: found objects with colors of their own, expected a budget of "
+            f"{format_memory(short)} more to convert them"
         )
 
 

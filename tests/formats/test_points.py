@@ -143,10 +143,10 @@ def test_the_spacing_of_a_net(axes, scale, dtype, caplog):
 
 @given(st.integers(2, SAMPLE), st.integers(1, 300), st.integers(0, 99))
 def test_the_spacing_of_few_points_is_exact(count, block, seed):
-    rows = np.random.default_rng(seed).normal(size=(count, 3)) + [5e5, 5e6, 300]
+    rows = np.random.default_rng(seed).normal((5e5, 5e6, 300), 1, (count, 3))
     rows[count // 2 :: 3] = rows[0]
-    blocks = lambda: (rows[first : first + block] for first in range(0, count, block))  # noqa: E731
-    found = spacing_of(blocks)
+    blocks = [rows[first : first + block] for first in range(0, count, block)]
+    found = spacing_of(lambda: iter(blocks))
     assert found.distance == pytest.approx(nearest(rows), rel=1e-6)
     assert found.sample == (count if found.distance else 0)
 

@@ -12,7 +12,7 @@ from bfrt.errors import SceneError
 from bfrt.formats.colors import full_of
 from bfrt.formats.lines._lines import Columns, Fault
 from bfrt.formats.lines.head import Head
-from bfrt.formats.source import Source, quoted
+from bfrt.formats.source import Source, printable, quoted
 
 #: What may be behind the last row of a table that is not a file's last.
 BLANKS = b" \t\r\n\v\f"
@@ -27,16 +27,21 @@ class LineTable:
     head : Head
     behind : bytes
         What begins a line behind the rows; without it the file ends there.
+    titles : tuple of str, optional
+        What errors call columns, if not by their names.
     """
 
     dtype = np.dtype("f8")
 
-    def __init__(self, source: Source, head: Head, behind: bytes = b"") -> None:
+    def __init__(
+        self, source: Source, head: Head, behind: bytes = b"", titles: tuple[str, ...] = ()
+    ) -> None:
         self.name = source.name
         self.names: Sequence[str] = Names(head.names)
         self._source = source
         self._head = head
         self._behind = behind
+        self._titles = titles or head.names
 
     def columns(self, names: Sequence[str]) -> Iterator[NDArray[Any]]:
         """Yield columns, (n, len(names)), block by block.
@@ -86,11 +91,12 @@ class LineTable:
         return full_of(self.name, np.dtype("i8"), blocks)
 
     def _fault(self, lines: Columns) -> SceneError:
-        names = self._head.names
+        names = self._titles
         if lines.fault == Fault.OTHER_COLUMNS:
             told = f"found {lines.found} columns, expected {len(names)} as before"
         else:
-            told = f"found {quoted(lines.token)}, expected the number of {names[lines.found]}"
+            name = printable(names[lines.found])
+            told = f"found {quoted(lines.token)}, expected the number of {name}"
         return SceneError(f"{self.name}: line {lines.line}: {told}")
 
 

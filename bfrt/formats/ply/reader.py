@@ -12,8 +12,10 @@ from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.object_writer import ObjectWriter, SceneSink, cast
 from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
+from bfrt.formats.ply.splats import Splats, are_splats, colored
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
+from bfrt.formats.room import check_colors
 from bfrt.formats.source import Report, printable
 
 #: What full color is.
@@ -149,6 +151,12 @@ def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None
         writer = ObjectWriter(sink, path, reading)
         if faces:
             write_mesh(PlyMesh(ply, vertex, faces, reading), writer)
+        elif are_splats(vertex):
+            reading.refuse_all_but(path, "opacity", *POINTS)
+            if reading.color_by is None:
+                check_colors(path, ply.source.size, reading.room)
+            writer = ObjectWriter(sink, path, colored(reading))
+            write_points(Splats(ply, vertex, reading), writer)
         else:
             reading.refuse_all_but(path, *POINTS)
             write_points(PlyPoints(ply, vertex, reading), writer)

@@ -95,7 +95,8 @@ def test_names_that_are_given(tmp_path):
 def test_comments_blank_lines_and_quotes(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(
-        'x,y,z,name,"w, x"\n\n1,2,3,"a, b",4 # behind\n   # a line\n\t\n"5" , " 6",7,#no comment,8\n'
+        'x,y,z,name,"w, x"\n\n1,2,3,"a, b",4 # behind\n   # a line\n\t\n'
+        '"5" , " 6",7,#no comment,8\n'
         "9,10,11,,\n"
     )
     same(read(path, ("x", "y", "z", "w, x")), [(1, 2, 3, 4), (5, 6, 7, 8), (9, 10, 11, math.nan)])
@@ -187,7 +188,12 @@ def test_bad_files(tmp_path, text, said):
 
 def test_bytes_that_are_no_text(tmp_path):
     path = tmp_path / "a.xyz"
-    for data in (bytes(range(256)), zlib.compress(b"1 2 3\n" * 99), b"\xff\xfe1\x002", b"\x80" * 99):
+    for data in (
+        bytes(range(256)),
+        zlib.compress(b"1 2 3\n" * 99),
+        b"\xff\xfe1\x002",
+        b"\x80" * 99,
+    ):
         path.write_bytes(data)
         assert "found" in failure(path, radius=1)
 
@@ -212,7 +218,7 @@ def test_no_points(tmp_path):
         assert len(spheres(path, radius=1)) == 0
 
 
-# --- gzip ------------------------------------------------------------------------------------------
+# --- gzip ----------------------------------------------------------------------------------------
 
 
 def test_packed_text_is_the_same(tmp_path):
