@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import SettingError
+from bfrt.formats.e57.reader import read_e57
 from bfrt.formats.gzipped import is_packed, suffix_of
 from bfrt.formats.hdf5.reader import read_hdf5
 from bfrt.formats.lammps import read_lammps
@@ -69,6 +70,7 @@ READERS: dict[str, Reader] = {
     ".las": read_las,
     ".laz": read_las,
     **dict.fromkeys((".xyz", ".csv", ".txt", ".pts", ".asc"), read_lines),
+    ".e57": read_e57,
     ".pcd": read_pcd,
     ".off": read_off,
     ".lammpstrj": read_lammps,

@@ -43,7 +43,7 @@ class Taken(NamedTuple):
     blocks : int
         Bytes of the blocks, if the file fills them.
     library : int
-        Bytes of the library that reads the format, of HDF5 with the process that does so.
+        Bytes of the library that reads the format, of HDF5 and E57 with the process that does so.
     fewest : int
         Bytes of the least room for vertices.
     packed : bool
@@ -60,6 +60,7 @@ OBJECTS = Taken(48 << 20)
 MESH = Taken(84 << 20, fewest=FEWEST)
 HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
+E57 = OBJECTS._replace(library=72 << 20, packed=True)
 
 #: A palette's writer remembers materials that may come again, 65,536 at the most.
 MATERIALS = 32 << 20
@@ -75,6 +76,7 @@ FORMATS = {
     ".off": MESH,
     ".las": LAS,
     ".laz": LAS._replace(packed=True),
+    ".e57": E57,
 }
 
 
