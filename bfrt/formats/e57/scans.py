@@ -82,6 +82,8 @@ class Scan:
 
     def blocks(self, names: Sequence[str]) -> Iterator[NDArray[np.float64]]:
         """Yield columns of the points that are valid, (n, len(names)), block by block."""
+        if not self.count:  # which the library does not read
+            return
         assert self._axes is not None
         own = [COLORS.get(name, name) for name in names if name not in POSITION]
         states = [name for name in INVALID if name in self._fields]

@@ -190,7 +190,7 @@ class Cursor:
     def _feed(self) -> None:
         size = min(self._end - self._at, FEED_BYTES)
         if self._unpacker.failed or not size:
-            found = "the end" if not size else "a reference before the first byte"
+            found = "a reference before the first byte" if self._unpacker.failed else "the end"
             raise SceneError(
                 f"{self._source.name}: byte {self._at}: found {found}, expected more of what LZF "
                 "has packed"
