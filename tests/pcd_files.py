@@ -86,6 +86,7 @@ def unlzf(packed):
         first = packed[at]
         at += 1
         if first < 32:
+            packed[at + first]  # as all of it has to be there
             out += packed[at : at + first + 1]
             at += first + 1
             continue

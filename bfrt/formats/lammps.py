@@ -223,7 +223,7 @@ class Atoms:
         self._table = LineTable(source, frame.head, behind=ITEM)
         there = [three for three in (*PLAIN, *SCALED) if set(three) <= set(frame.head.names)]
         self._from: Sequence[str] = there[0] if there else ()
-        own = [name for name in frame.head.names if name not in POSITION]
+        own = [name for name in frame.head.names if not there or name not in POSITION]
         self.names: Sequence[str] = Names((*(POSITION if there else ()), *own))
 
     def columns(self, names: Sequence[str]) -> Iterator[NDArray[np.float64]]:
@@ -234,7 +234,8 @@ class Atoms:
         for block in self._table.columns((*first, *wanted)):
             positions = block[:, : len(first)]
             if self._from in SCALED and places:
-                positions = self._frame.origin + positions @ self._frame.edges
+                with np.errstate(all="ignore"):  # what is too large is refused behind
+                    positions = self._frame.origin + positions @ self._frame.edges
             parts = {**dict(zip(POSITION, positions.T, strict=False))}
             parts.update(zip(wanted, block[:, len(first) :].T, strict=True))
             yield np.stack([parts[name] for name in names], axis=-1)

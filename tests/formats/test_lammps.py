@@ -82,7 +82,8 @@ def test_frames_in_any_chunks(tmp_path_factory, counts, wanted, chunk):
 )
 def test_scaled_coordinates(tmp_path, names, box, origin, edges):
     path = tmp_path / "a.dump"
-    rows = [(k, 1, *place) for k, place in enumerate(np.eye(3).tolist() + [[0, 0, 0], [0.5] * 3])]
+    places = [*np.eye(3).tolist(), [0, 0, 0], [0.5] * 3]
+    rows = [(k, 1, *place) for k, place in enumerate(places)]
     path.write_text(frame(rows, f"id type {names}", box))
     twin = [np.array(origin) + np.array(row[2:]) @ np.array(edges) for row in rows]
     assert np.allclose(centers(path), twin, rtol=0, atol=1e-12)
@@ -110,7 +111,7 @@ def test_radii_and_colors(tmp_path):
     assert {each.color[0] for each in objects_of(convert(path, color_by="type"))} != {0.8}
     said = failure(path, SettingError, radius="1=0.5,2=1")
     assert said.startswith("found a point of type 3, expected its radius too in radius=")
-    with pytest.raises(SettingError, match="found -1.0, expected a finite number above 0"):
+    with pytest.raises(SettingError, match=r"found -1\.0, expected a finite number above 0"):
         convert(path, radius="1=0.5,2=-1")
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fuzz import readers, stores
+from fuzz.e57 import e57
 from fuzz.hdf5 import hdf5
 from fuzz.states import checkpoint
 from fuzz.trial import Harness
@@ -22,6 +23,12 @@ HARNESSES: dict[str, Callable[[Path], Harness]] = {
     "hdf5": hdf5,
     "las": readers.las,
     "laz": readers.laz,
+    "lines": readers.lines,
+    "gzipped": readers.gzipped,
+    "pcd": readers.pcd,
+    "off": readers.off,
+    "lammps": readers.lammps,
+    "e57": e57,
     "rays": stores.rays,
     "store": stores.store,
     "checkpoint": checkpoint,

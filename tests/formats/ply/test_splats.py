@@ -70,7 +70,7 @@ def test_an_opacity(tmp_path, caplog):
         assert [shape[0][:3] for shape in shapes] == [tuple(row) for row in rows.tolist()]
     assert "50 Gaussian splats, as opaque spheres, those of an opacity of 0.7" in caplog.text
     for least in (-0.1, 1.5, np.nan, True, "0.5"):
-        with pytest.raises(SettingError, match="^opacity: found .*, expected a number from 0 to 1"):
+        with pytest.raises(SettingError, match=r"^opacity: found .* from 0 to 1$"):
             convert(path, opacity=least)
 
 
