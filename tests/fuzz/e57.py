@@ -1,4 +1,4 @@
-"""E57: files whose checksums are right whatever is in them, read by a process that is forked here."""
+"""E57: files of right checksums, whatever is in them, read by a process that is forked here."""
 
 from __future__ import annotations
 
