@@ -60,7 +60,7 @@ OBJECTS = Taken(48 << 20)
 MESH = Taken(84 << 20, fewest=FEWEST)
 HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
-E57 = OBJECTS._replace(library=72 << 20, packed=True)
+E57 = OBJECTS._replace(library=56 << 20, packed=True)
 
 #: A palette's writer remembers materials that may come again, 65,536 at the most.
 MATERIALS = 32 << 20

@@ -12,6 +12,7 @@ from bfrt.errors import SceneError
 from bfrt.formats.colors import full_of
 from bfrt.formats.lines._lines import Columns, Fault
 from bfrt.formats.lines.head import Head
+from bfrt.formats.points import POINTS_AT_ONCE
 from bfrt.formats.source import Source, printable, quoted
 
 #: What may be behind the last row of a table that is not a file's last.
@@ -63,8 +64,9 @@ class LineTable:
             values, used = lines.parse(chunk)
             if lines.fault:
                 raise self._fault(lines)
-            if len(values):
-                yield values if wanted == [*range(len(once))] else values[:, wanted]
+            for first in range(0, len(values), POINTS_AT_ONCE):
+                block = values[first : first + POINTS_AT_ONCE]
+                yield block if wanted == [*range(len(once))] else block[:, wanted]
             if lines.done:
                 self._check_end(chunk[1 + used : -1].tobytes(), chunks, lines)
                 break
