@@ -275,15 +275,25 @@ def convert(
         if checkpoint is None:
             scene = write_scene(conversion, progress)
         else:
-            check_can_be_kept(conversion.files)
-            if not isinstance(checkpoint, Checkpoint):
-                check_apart(target, checkpoint)
-            with keeping(checkpoint, every, each=0.0) as kept:
-                assert kept is not None
-                scene = go_on(conversion, kept, progress)
+            scene = write_kept(conversion, checkpoint, every, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
+
+
+def write_kept(
+    conversion: Conversion,
+    checkpoint: PathLike | Checkpoint,
+    every: float,
+    progress: DoneReport | None,
+) -> Scene:
+    """Write the sources as `write_scene` does, with their state in a folder."""
+    check_can_be_kept(conversion.files)
+    if not isinstance(checkpoint, Checkpoint):
+        check_apart(conversion.target, checkpoint)
+    with keeping(checkpoint, every, each=0.0) as kept:
+        assert kept is not None
+        return go_on(conversion, kept, progress)
 
 
 def go_on(conversion: Conversion, checkpoint: Checkpoint, progress: DoneReport | None) -> Scene:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.columns import POSITION, ColumnPoints
 from bfrt.formats.lines._lines import MOST_COLUMNS
-from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, is_number
+from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, Place, is_number
 from bfrt.formats.lines.table import LineTable, Names
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import write_points
@@ -34,13 +34,6 @@ PLAIN = (POSITION, ("xu", "yu", "zu"))
 
 #: Lines of a frame before its atoms, at the most.
 MOST_LINES = 64
-
-
-class Place(NamedTuple):
-    """Marks a place in the text: a byte, and its line."""
-
-    at: int
-    line: int
 
 
 class Frame(NamedTuple):

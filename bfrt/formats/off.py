@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import full_of
 from bfrt.formats.lines._lines import Ragged
+from bfrt.formats.lines.head import Place
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import PointBlock, write_points
@@ -41,13 +42,6 @@ VERTEX_BYTES, FACE_BYTES = 6, 2
 
 #: What is a whole number for sure.
 EXACT = float(1 << 53)
-
-
-class Place(NamedTuple):
-    """Marks a place in the text: a byte, and its line."""
-
-    at: int
-    line: int
 
 
 class Header(NamedTuple):

@@ -53,8 +53,8 @@ def spacing_of(blocks: Blocks) -> Spacing:
     nearest = np.full(len(sample), np.inf)
     for centers in good(blocks):
         meet(np.ascontiguousarray((centers - origin) / scale), places, nearest)
-    there = nearest[np.isfinite(nearest)]
-    median = float(np.sqrt(np.median(there))) * scale if len(there) else 0.0
+    there = np.sqrt(nearest[np.isfinite(nearest)])
+    median = float(np.median(there)) * scale if len(there) else 0.0
     return Spacing(median, len(there))
 
 

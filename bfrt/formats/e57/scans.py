@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pye57 import libe57
 
 from bfrt.errors import SceneError
+from bfrt.formats.columns import POSITION
 from bfrt.formats.source import printable, said
 
 #: Points of a block, and fields that a scan may have.
@@ -21,8 +22,6 @@ CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 INVALID = ("cartesianInvalidState", "sphericalInvalidState")
 COLORS = {"red": "colorRed", "green": "colorGreen", "blue": "colorBlue"}
-
-POSITION = ("x", "y", "z")
 
 NUMBERS = {
     libe57.NodeType.E57_INTEGER: libe57.IntegerNode,

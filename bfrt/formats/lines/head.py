@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.columns import POSITION
 from bfrt.formats.lines._lines import MOST_COLUMNS
+from bfrt.formats.reading import COLORS
 from bfrt.formats.source import Source, quoted
 
 #: Bytes in which the first rows have to be.
@@ -21,12 +23,10 @@ BLANK = b" "
 COMMENTS = (b"#", b"//")
 
 #: Names of columns that have none, by their number; those behind go by their numbers, from 1.
-POSITION = ("x", "y", "z")
-COLOR = ("red", "green", "blue")
 USUAL = {
     4: (*POSITION, "intensity"),
-    6: (*POSITION, *COLOR),
-    7: (*POSITION, "intensity", *COLOR),
+    6: (*POSITION, *COLORS),
+    7: (*POSITION, "intensity", *COLORS),
 }
 
 #: Digits of a count, at the most: of more it is none of rows.
@@ -37,6 +37,13 @@ NO_NAME = "-"
 
 #: A line and its end, of which the last may have none.
 LINE = re.compile(rb"[^\r\n]*(?:\r\n|\r|\n|\Z)")
+
+
+class Place(NamedTuple):
+    """Marks a place in a text: a byte, and its line."""
+
+    at: int
+    line: int
 
 
 class Line(NamedTuple):

@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
+from bfrt.formats.arrays import BLOCK_BYTES
 from bfrt.formats.colors import FULL_8, full_of
 from bfrt.formats.lines.head import BLANK, Head
 from bfrt.formats.lines.table import LineTable
 from bfrt.formats.pcd._lzf import FEED_BYTES, Unpacker
 from bfrt.formats.pcd.header import Field, Header
+from bfrt.formats.points import POINTS_AT_ONCE
 from bfrt.formats.reading import COLORS
 from bfrt.formats.source import Source
-
-#: Rows that are read at once, and their bytes.
-ROWS_AT_ONCE = 1 << 16
-BLOCK_BYTES = 8 << 20
 
 #: Fields that have a color in the bits of one number, and where in it each part is.
 PACKED_COLORS = ("rgb", "rgba")
@@ -127,7 +125,7 @@ class PcdTable:
             }
         )
         self._source.seek(self._start)
-        most = max(1, min(ROWS_AT_ONCE, BLOCK_BYTES // row.itemsize))
+        most = max(1, min(POINTS_AT_ONCE, BLOCK_BYTES // row.itemsize))
         for block in self._source.blocks(row, self._header.rows, most):
             yield {field.name: block[field.name] for field in fields}
 
@@ -146,7 +144,7 @@ class PcdTable:
         for cursor, field in zip(cursors, fields, strict=True):
             cursor.skip(field.offset * rows)
         while rows:
-            n = min(rows, ROWS_AT_ONCE)
+            n = min(rows, POINTS_AT_ONCE)
             yield {f.name: c.read(n, f.dtype) for c, f in zip(cursors, fields, strict=True)}
             rows -= n
 

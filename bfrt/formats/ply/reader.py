@@ -8,6 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.columns import POSITION
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.object_writer import ObjectWriter, SceneSink, cast
 from bfrt.formats.ply.element import Element
@@ -20,8 +21,6 @@ from bfrt.formats.source import Report, printable
 
 #: What full color is.
 FULL_COLOR = {1: 255.0, 3: 65535.0}
-
-POSITION = ("x", "y", "z")
 
 #: Names that a file's own colors go by; of several the first counts.
 COLOR_NAMES = (COLORS, ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))

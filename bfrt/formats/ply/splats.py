@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
+from bfrt.formats.columns import POSITION
 from bfrt.formats.object_writer import cast
 from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
@@ -23,7 +24,6 @@ from bfrt.formats.reading import RGB, Reading
 
 log = logging.getLogger(__name__)
 
-POSITION = ("x", "y", "z")
 CONSTANTS = ("f_dc_0", "f_dc_1", "f_dc_2")
 SCALES = ("scale_0", "scale_1", "scale_2")
 OPACITY = "opacity"

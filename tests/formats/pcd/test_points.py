@@ -32,7 +32,7 @@ def places(made):
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("kind", ["<f4", "<f8", "<i2", "<u1", "<i8"])
 def test_points_of_every_layout(tmp_path, monkeypatch, layout, kind):
-    monkeypatch.setattr(fields_module, "ROWS_AT_ONCE", 7)
+    monkeypatch.setattr(fields_module, "POINTS_AT_ONCE", 7)
     path = tmp_path / "a.pcd"
     made = np.zeros(60, [("normal", "<f4", 3), ("z", kind), ("y", kind), ("m", "<f4"), ("x", kind)])
     for axis in "xyz":
@@ -50,7 +50,7 @@ def test_round_trip(tmp_path_factory, count, layout, block, seed):
     made = records(count, [("m", "<f8")], seed)
     path.write_bytes(pcd(made, layout))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fields_module, "ROWS_AT_ONCE", block)
+        patch.setattr(fields_module, "POINTS_AT_ONCE", block)
         assert shapes_of(convert(path, radius=1)) == spheres(places(made), 1)
 
 
