@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gzip
 import math
+import subprocess
+import sys
 import zlib
 
 import numpy as np
@@ -246,3 +248,22 @@ def test_broken_packing(tmp_path):
     assert "expected what gzip has packed" in failure(path, radius=1)
     with pytest.raises(SettingError, match=r"found \.npy that gzip has packed, expected it"):
         bfrt.convert(tmp_path / "a.npy.gz", tmp_path / "a.bfrt")
+
+
+# --- on the command line -------------------------------------------------------------------------
+
+
+def test_a_radius_by_spacing_is_told(tmp_path):
+    path = tmp_path / "a.xyz"
+    path.write_text("0 0 0\n0 0.25 0\n0 0.5 0\n")
+    command = [sys.executable, "-m", "bfrt", "convert", path, "-o", tmp_path / "a.bfrt"]
+    for more, told in ((["--radius", "auto"], "radius 0.25, the median distance of 3"), ([], None)):
+        done = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
+        if told is None:
+            assert done.returncode == 2
+            told = "as auto, which takes their spacing: 0.25"
+        assert told in done.stderr
+    done = subprocess.run(
+        [*command, "--radius", "auto", "--quiet"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
