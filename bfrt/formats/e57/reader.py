@@ -19,6 +19,12 @@ from bfrt.formats.source import Report, Source, quoted
 HEADER = struct.Struct("<8sIIQQQQ")
 WORD = b"ASTM-E57"
 
+#: Bytes of a page, and of them those before its checksum.
+PAGE, CHECKED = 1024, 1020
+
+#: What XML begins with, and what in it may name other files, or grow without end.
+XML, DOCTYPE = b"<?xml", b"<!DOCTYPE"
+
 #: Bytes of XML, which the library holds whole as a tree of several times as many.
 MOST_XML = 4 << 20
 
@@ -54,9 +60,9 @@ def check_header(source: Source) -> None:
     Raises
     ------
     SceneError, ShortReadError
-        If it is none, or says more than there is, or XML that is too long.
+        If it is none, or says more than there is, or XML that is too long or declares entities.
     """
-    word, _, _, size, at, xml, _ = HEADER.unpack(source.exactly(HEADER.size))
+    word, _, _, size, at, xml, page = HEADER.unpack(source.exactly(HEADER.size))
     if word != WORD:
         raise SceneError(f"{source.name}: found {quoted(word)}, expected {WORD.decode()}")
     if size != source.size:
@@ -64,6 +70,8 @@ def check_header(source: Source) -> None:
             f"{source.name}: byte 16: found {source.size} bytes, expected {size}: the file is "
             "truncated or its size is wrong"
         )
+    if page != PAGE:
+        raise SceneError(f"{source.name}: byte 40: found pages of {page} bytes, expected {PAGE}")
     if not at + xml <= size:
         raise SceneError(
             f"{source.name}: byte 24: found {xml} bytes of XML at byte {at} of {size}, expected "
@@ -73,3 +81,19 @@ def check_header(source: Source) -> None:
         raise SceneError(
             f"{source.name}: byte 32: found {xml} bytes of XML, expected {MOST_XML} or fewer"
         )
+    text = xml_of(source, at, xml)
+    if not text.startswith(XML) or DOCTYPE in text:
+        raise SceneError(
+            f"{source.name}: byte {at}: found {quoted(text[: len(XML)])}"
+            f"{' and a DOCTYPE' if DOCTYPE in text else ''}, expected {XML.decode()} without one: "
+            "it may name any file"
+        )
+
+
+def xml_of(source: Source, at: int, size: int) -> bytes:
+    """Return the XML that begins at a byte of the file, without the checksums of its pages."""
+    first, begin = divmod(at, PAGE)
+    source.seek(first * PAGE)
+    raw = source.read((-(-(begin + size) // CHECKED) + 1) * PAGE)
+    bare = b"".join(raw[k : k + CHECKED] for k in range(0, len(raw), PAGE))
+    return bare[begin : begin + size]

@@ -8,6 +8,7 @@ import struct
 import numpy as np
 import pytest
 from e57_files import places, scan, write
+from fuzz.e57 import bare, paged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import convert, failure, objects_of, outcome, shades, shapes_of
@@ -114,6 +115,7 @@ def test_every_cut_of_the_header_is_refused(tmp_path, whole):
         (16, "Q", 1 << 40, "byte 16: found"),
         (24, "Q", 1 << 40, "byte 24: found"),
         (32, "Q", 1 << 40, "byte 24: found"),
+        (40, "Q", 4096, "byte 40: found pages of 4096 bytes, expected 1024"),
         (8, "I", 77, "found 'checksum mismatch"),
     ],
 )
@@ -130,6 +132,27 @@ def test_xml_that_is_too_long(tmp_path, whole, monkeypatch):
     path.write_bytes(whole)
     monkeypatch.setattr(reader_module, "MOST_XML", 100)
     assert failure(path, radius=1).endswith("bytes of XML, expected 100 or fewer")
+
+
+def test_xml_that_may_name_other_files(tmp_path, whole):
+    path = tmp_path / "a.e57"
+    data = bare(whole)
+    head = b'<?xml version="1.0" encoding="UTF-8"?>'
+    assert head in data
+    entity = b'<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>'
+    long = data.replace(head, head + b" " * len(entity), 1)
+    for text, said in (
+        (
+            long.replace(head + b" " * len(entity), head + entity),
+            "found '<?xml' and a DOCTYPE",
+        ),
+        (long.replace(head, head.replace(b"<?xml", b"<?XML")), "found '<?XML', expected <?xml wi"),
+        (long, "300 objects"),
+    ):
+        changed = bytearray(text)
+        struct.pack_into("<Q", changed, 32, struct.unpack_from("<Q", data, 32)[0] + len(entity))
+        path.write_bytes(paged(bytes(changed)))
+        assert said in outcome(path, radius=1)
 
 
 def test_bytes_that_are_wrong_are_found_by_checksums(tmp_path, whole):
