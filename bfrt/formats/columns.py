@@ -123,6 +123,17 @@ class ColumnPoints:
         return (self._values(block) for block in self._table.columns(self._asked))
 
 
+def combined(places: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Multiply places (n, 3) by a matrix (3, 3), with the same bits on every processor.
+
+    A library of linear algebra would fuse additions where it can.
+    """
+    found: NDArray[np.float64] = places[:, :1] * rows[0]
+    for axis in (1, 2):
+        found += places[:, axis, None] * rows[axis]
+    return found
+
+
 def painting(table: Columns, reading: Reading) -> tuple[str, ...]:
     """Return the names of the columns that colors are made from."""
     for names in COLOR_NAMES if reading.color_by == RGB else ():

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats.columns import POSITION, ColumnPoints
+from bfrt.formats.columns import POSITION, ColumnPoints, combined
 from bfrt.formats.lines._lines import MOST_COLUMNS
 from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, Place, is_number
 from bfrt.formats.lines.table import LineTable, Names
@@ -228,7 +228,7 @@ class Atoms:
             positions = block[:, : len(first)]
             if self._from in SCALED and places:
                 with np.errstate(all="ignore"):  # what is too large is refused behind
-                    positions = self._frame.origin + positions @ self._frame.edges
+                    positions = self._frame.origin + combined(positions, self._frame.edges)
             parts = {**dict(zip(POSITION, positions.T, strict=False))}
             parts.update(zip(wanted, block[:, len(first) :].T, strict=True))
             yield np.stack([parts[name] for name in names], axis=-1)

@@ -75,10 +75,7 @@ def write_points(points: Points, writer: ObjectWriter) -> None:
     for centers, radii, values in points.blocks():
         if radii is None:
             if radius is None:
-                raise SettingError(
-                    f"{points.name}: found points without a radius, expected radius= (--radius on "
-                    f"the command line){proposed(points)}"
-                )
+                raise missing_radius(points, writer.reading)
             radii = np.full(len(centers), radius)
         writer.spheres(centers, radii, values)
 
@@ -107,6 +104,19 @@ def the_one_radius(points: Points, reading: Reading) -> float | None:
         return found.distance
     number = reading.radius is not None and not isinstance(reading.radius, str)
     return float(reading.radius) if number else None  # type: ignore[arg-type]
+
+
+def missing_radius(points: Points, reading: Reading) -> SettingError:
+    """Return an error for points that have no radius, and are given none."""
+    if reading.radii is not None:
+        return SettingError(
+            f"{points.name}: found radius={reading.radius!r} for points without a type, expected "
+            f"a number, the name of what has each one's, or {AUTO}"
+        )
+    return SettingError(
+        f"{points.name}: found points without a radius, expected radius= (--radius on the command "
+        f"line){proposed(points)}"
+    )
 
 
 def centers_of(points: Points) -> Iterator[NDArray[Any]]:

@@ -115,6 +115,12 @@ def test_points_without_a_radius():
     assert len(written(Given(CENTERS[:0]))[0]) == 0
 
 
+def test_radii_by_type_of_points_without_one():
+    said = "found radius='1=2,2=3' for points without a type, expected a number, the name"
+    with pytest.raises(SettingError, match=said):
+        written(Given(CENTERS), radius="1=2,2=3")
+
+
 def nearest(rows):
     """The median of the distances to the nearest that is elsewhere, of all points."""
     apart = np.linalg.norm(rows[:, None] - rows, axis=2)

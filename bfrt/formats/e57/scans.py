@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pye57 import libe57
 
 from bfrt.errors import SceneError
-from bfrt.formats.columns import POSITION
+from bfrt.formats.columns import POSITION, combined
 from bfrt.formats.source import printable, said
 
 #: Points of a block, and fields that a scan may have.
@@ -106,6 +106,7 @@ class Scan:
                 "truncated or its count is wrong"
             )
 
+    @np.errstate(all="ignore")  # what is too large is refused where it comes
     def _block(
         self, names: Sequence[str], held: dict[str, NDArray[np.float64]]
     ) -> NDArray[np.float64]:
@@ -115,7 +116,7 @@ class Scan:
             places = np.stack([held[axis] for axis in self._axes], axis=-1)
             if self._axes == SPHERICAL:
                 places = cartesian(places)
-            places = places @ self._rotation.T + self._translation
+            places = combined(places, self._rotation.T) + self._translation
             columns.update(zip(POSITION, places.T, strict=True))
         for name, field in COLORS.items():
             if name in names and name not in self._fields:
