@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.object_writer import cast
 from bfrt.formats.points import PointBlock
 from bfrt.formats.reading import COLORS, RGB, Reading
 from bfrt.formats.source import printable
@@ -88,7 +89,7 @@ class ColumnPoints:
     def blocks(self) -> Iterator[PointBlock]:
         first = 3 + len(self._radius)
         for block in self._table.columns((*POSITION, *self._radius, *self._asked)):
-            centers = block[:, :3].astype(self._table.dtype, copy=False)
+            centers = cast(block[:, :3], self._table.dtype)
             yield PointBlock(
                 centers,
                 self._radii(block[:, 3]) if self._radius else None,

@@ -201,6 +201,15 @@ def test_wrong_counts_and_what_is_not_finite(tmp_path, layout):
     assert len(shapes_of(convert(path, radius=1, skip_invalid=True))) == 8
 
 
+@pytest.mark.filterwarnings("error")
+def test_text_that_its_type_does_not_hold(tmp_path):
+    path = tmp_path / "a.pcd"
+    made = records(2)
+    made["x"][1] = 7654321
+    path.write_bytes(pcd(made, "ascii").replace(b"7654321.0", b"1e300"))
+    assert failure(path, radius=1).startswith("point 1: found inf")
+
+
 def test_packed_columns_that_are_wrong(tmp_path):
     path = tmp_path / "a.pcd"
     whole = pcd(records(9), "binary_compressed", lambda _: b"\x20\xff")
