@@ -262,7 +262,7 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
         (["render", "scene.nff", "-o", "x.gif"], 2, "expected .exr, .png, .npy"),
         (["render", "scene.nff", "-o", "x.png", "--memory", "9MiB"], 2, "expected .* or more"),
         (["render", "scene.nff", "-o", "x.png", "--memory", "9 bananas"], 2, "bananas"),
-        (["render", "scene.xyz", "-o", "x.png"], 2, "found suffix '.xyz'"),
+        (["render", "scene.abc", "-o", "x.png"], 2, "found suffix '.abc'"),
         (["render", "no.bfrt", "-o", "x.png"], 1, "not a scene store"),
         (["render", "spd:rongs:3", "-o", "x.png"], 2, "rongs"),
         (["render", "scene.nff"], 2, "nothing to write: expected -o FILE, or --plan"),

@@ -59,6 +59,7 @@ def test_there_are_examples():
         "mount",
         "particles",
         "rings",
+        "scan",
         "sight",
         "viewshed",
     ]

@@ -13,8 +13,9 @@ from bfrt.store.making import Order
 
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
-    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate", "polygons", "external_storage", "band", "height_scale", "curvature", "floor",
+    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "column_names",
+    "frame", "opacity", "skip_invalid", "triangulate", "polygons", "external_storage", "band",
+    "height_scale", "curvature", "floor",
 )  # fmt: skip
 
 
@@ -51,8 +52,9 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         "--dtype", choices=("float32", "float64"), help="of coordinates (default: the file's own)"
     )
     group.add_argument(
-        "--radius", type=number_or_name, metavar="R|NAME",
-        help="of points: in the file's units, or the name of what has each one's",
+        "--radius", type=number_or_name, metavar="R|NAME|auto",
+        help="of points: in the file's units, the name of what has each one's, auto for their "
+        "spacing, or by type, as 1=0.5,2=0.8",
     )  # fmt: skip
     group.add_argument(
         "--positions", metavar="NAME", help="the array of points, or a group with x, y and z"
@@ -66,6 +68,14 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         "--color-range", type=float, nargs=2, metavar=("LO", "HI"),
         help="numbers of the map's ends (default: the least and the greatest, by another pass)",
     )  # fmt: skip
+    group.add_argument(
+        "--column-names", metavar="NAMES",
+        help="of points of text, as x,y,z,-,radius; - for a column that is not wanted",
+    )  # fmt: skip
+    group.add_argument("--frame", type=int, metavar="N", help="from 0, or from -1 back, the last")
+    group.add_argument(
+        "--opacity", type=float, metavar="T", help="of Gaussian splats: those as opaque, 0 to 1"
+    )
     group.add_argument(
         "--skip-invalid",
         action="store_true",
@@ -149,6 +159,12 @@ def check_every(options: argparse.Namespace) -> None:
     """Refuse an interval of no checkpoint."""
     if options.every is not None and options.checkpoint is None:
         raise SettingError(f"--every: found {options.every:g} without --checkpoint, which it is of")
+
+
+def tell_readings(options: argparse.Namespace) -> None:
+    """Have it said on standard error what readers found out, as a radius of points."""
+    if not options.quiet:
+        logging.getLogger("bfrt.formats").setLevel(logging.INFO)
 
 
 def tell_checkpoints(options: argparse.Namespace) -> None:

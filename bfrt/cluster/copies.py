@@ -9,7 +9,6 @@ from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 
-from bfrt.checkpoint.checkpoint import UNLOCKED
 from bfrt.errors import BfrtError
 from bfrt.grid.marks import verify_marks
 from bfrt.paths import HEADER, is_file, is_there
@@ -18,6 +17,7 @@ from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.store import MADE, Store, open_store
 from bfrt.store.writer import check_new_store
 from bfrt.streams.atomic_write import put, sync_file
+from bfrt.streams.ownership import LOCKLESS
 
 #: Bytes that are copied at once.
 BLOCK = 4 << 20
@@ -127,7 +127,7 @@ def _alone(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         except OSError as error:
-            if error.errno not in UNLOCKED:
+            if error.errno not in LOCKLESS:
                 with calling(folder, "locking"):
                     raise
         yield

@@ -51,6 +51,9 @@ def convert(
     color_by: str | None = None,
     colormap: str | None = None,
     color_range: tuple[float, float] | None = None,
+    column_names: str | None = None,
+    frame: int | None = None,
+    opacity: float | None = None,
     skip_invalid: bool = False,
     triangulate: bool = False,
     polygons: bool = False,
@@ -69,11 +72,12 @@ def convert(
     Parameters
     ----------
     source : path-like, or sequence of path-like
-        A file of NFF, PLY, STL, OBJ, NumPy (.npy, .npz), HDF5, LAS or LAZ, a raster of heights
-        (.tif and others that GDAL opens), "-" for NFF from standard input, or ``spd:NAME:SIZE`` for
-        a standard scene. Of several, each becomes a group with a grid of its own, which suits a
-        small dense thing in a large sparse one. The view, the lights and the background are the
-        first file's. A setting applies to the files that use it.
+        A file of NFF, PLY, STL, OBJ, OFF, NumPy (.npy, .npz), HDF5, LAS or LAZ, E57, PCD, LAMMPS
+        dumps, points of text (.xyz, .csv, .txt, .pts, .asc), or a raster of heights (.tif and
+        others that GDAL opens); what is text may be packed by gzip (.gz). "-" is NFF from standard
+        input, ``spd:NAME:SIZE`` a standard scene. Of several, each becomes a group with a grid of
+        its own, which suits a small dense thing in a large sparse one. The view, the lights and
+        the background are the first file's. A setting applies to the files that use it.
     target : path-like
         The store to make. An existing store is replaced when the new one is complete; anything
         else is refused.
@@ -97,7 +101,8 @@ def convert(
         Folder for the temporary files of such a join. By default the target's parent.
     radius : float or str, optional
         The radius of points, in the file's units, or the name of the column or array with a radius
-        for each point.
+        for each point; "auto" for the points' spacing, the median distance to the nearest of 256
+        of them, which costs two passes and is logged; or radii of types, as "1=0.5,2=0.8".
     positions : str, optional
         Name of the array or dataset with the points' positions, or of the group with x, y and z.
     color_by : str, optional
@@ -108,6 +113,14 @@ def convert(
     color_range : (float, float), optional
         The numbers that get the map's first and last color. By default the least and the greatest
         number, which costs a pass over the file.
+    column_names : str, optional
+        Names for the columns of points of text, parted by commas or blanks, in place of what the
+        file has; "-" for a column that is not wanted.
+    frame : int, optional
+        Of several frames, as LAMMPS dumps have, the one to read: from 0, or from -1 back. By
+        default the last.
+    opacity : float, optional
+        Of Gaussian splats only those are read that are as opaque as that, 0 to 1.
     skip_invalid : bool
         Drop objects that are not finite and faces of fewer than three corners, and log how many. By
         default they are refused.
@@ -183,6 +196,9 @@ def convert(
         color_by=color_by,
         colormap=colormap,
         color_range=color_range,
+        column_names=column_names,
+        frame=frame,
+        opacity=opacity,
         skip_invalid=skip_invalid,
         triangulate=triangulate,
         polygons=polygons,

@@ -8,12 +8,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import SettingError
+from bfrt.formats.e57.reader import read_e57
+from bfrt.formats.gzipped import is_packed, suffix_of
 from bfrt.formats.hdf5.reader import read_hdf5
+from bfrt.formats.lammps import read_lammps
 from bfrt.formats.las import read_las
+from bfrt.formats.lines.reader import read_lines
 from bfrt.formats.nff import read_nff
 from bfrt.formats.npy import read_npy, read_npz
 from bfrt.formats.obj import read_obj
 from bfrt.formats.object_writer import SceneSink
+from bfrt.formats.off import read_off
+from bfrt.formats.pcd.reader import read_pcd
 from bfrt.formats.ply.reader import read_ply
 from bfrt.formats.raster.reader import read_raster
 from bfrt.formats.raster.suffixes import DRIVERS
@@ -66,7 +72,18 @@ READERS: dict[str, Reader] = {
     ".las": read_las,
     ".laz": read_las,
     **dict.fromkeys(DRIVERS, read_raster),
+    **dict.fromkeys((".xyz", ".csv", ".txt", ".pts"), read_lines),
+    ".e57": read_e57,
+    ".pcd": read_pcd,
+    ".off": read_off,
+    ".lammpstrj": read_lammps,
+    ".dump": read_lammps,
 }
+
+#: Readers of what may be text, which gzip may have packed (.nff.gz, ...).
+OF_TEXT = (
+    read_nff_as_is, read_ply, read_stl, read_obj, read_lines, read_pcd, read_off, read_lammps,
+)  # fmt: skip
 
 
 def sources_of(given: PathLike | Sequence[PathLike]) -> tuple[SceneSource, ...]:
@@ -100,13 +117,20 @@ def reader_of(name: str) -> Reader | None:
     """
     if name.startswith("spd:"):
         return None
-    suffix = ".nff" if name == "-" else Path(name).suffix.lower()
+    suffix = ".nff" if name == "-" else suffix_of(name)
     if suffix not in READERS:
         raise SettingError(
             f"{name}: found suffix {Path(name).suffix!r}, expected {', '.join(READERS)}, "
             "spd:NAME:SIZE, or - for NFF from standard input"
         )
-    return READERS[suffix]
+    reader = READERS[suffix]
+    if is_packed(name) and reader not in OF_TEXT:
+        texts = [suffix for suffix, reader in READERS.items() if reader in OF_TEXT]
+        raise SettingError(
+            f"{name}: found {suffix} that gzip has packed, expected it unpacked: packed are "
+            f"{', '.join(texts)}"
+        )
+    return reader
 
 
 def parse_spd(name: str, hash: str | None = None) -> SpdScene:

@@ -112,8 +112,8 @@ class ArrayPoints:
         self, arrays: Arrays, reading: Reading, centers: str, count: int
     ) -> Array | None:
         """Find the array of radii; None where positions have a fourth column or one is given."""
-        if isinstance(reading.radius, str):
-            key = named(arrays, reading.radius, self.name, "radius", centers)
+        if reading.radius_column is not None:
+            key = named(arrays, reading.radius_column, self.name, "radius", centers)
             return column_of(arrays[key], count)
         if reading.radius is None and not self._has_radii:
             for key in beside(arrays, RADII, centers):

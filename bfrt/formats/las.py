@@ -28,7 +28,8 @@ class Scan:
         self._source = source
         self._laspy = laspy
         self._asked = reading.columns
-        self._radius = (reading.radius,) if isinstance(reading.radius, str) else ()
+        column = reading.radius_column
+        self._radius = () if column is None else (column,)
         self.painted = bool(self._asked)
         self._full = 1.0
         with self._opened() as file:

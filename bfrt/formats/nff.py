@@ -46,9 +46,10 @@ from bfrt.formats._nff import (
     Parser,
 )
 from bfrt.formats.encoding import Decoder
+from bfrt.formats.gzipped import is_packed
 from bfrt.formats.object_writer import SceneSink
 from bfrt.formats.room import check_corners
-from bfrt.formats.source import CHUNK_BYTES
+from bfrt.formats.source import CHUNK_BYTES, Source
 from bfrt.formats.text import MOST_CORNERS
 from bfrt.records import Kind
 from bfrt.refusals import calling, closing, refused
@@ -146,7 +147,7 @@ def _read(
                 reader.take_chunk(part)
             consumed += len(chunk)
             if progress is not None:
-                progress(consumed)
+                progress(stream.done if isinstance(stream, Source) else consumed)
         for part in _parts(decoder.decode(b"", final=True), chunk_bytes):
             reader.take_chunk(part)
         reader.take_chunk(b"")
@@ -160,7 +161,7 @@ def _parts(text: bytes, size: int) -> Iterator[bytes]:
 
 def _open(
     source: str | os.PathLike[str] | BinaryIO, stack: contextlib.ExitStack
-) -> tuple[BinaryIO, str]:
+) -> tuple[BinaryIO | Source, str]:
     """Open a source; return its stream and the name for messages."""
     if source == "-":
         if sys.stdin is None:
@@ -170,13 +171,15 @@ def _open(
         name = getattr(source, "name", None)
         return source, name if isinstance(name, str) else "<stream>"
     name = os.fspath(source)
+    if is_packed(name):
+        return stack.enter_context(Source(name)), name
     with calling(name, "opening"):
         # Without a buffer: chunks are large, and it would only copy them.
         file = io.FileIO(name)
     return stack.enter_context(closing(file, name)), name
 
 
-def _read_chunk(stream: BinaryIO, name: str, size: int, offset: int) -> bytes:
+def _read_chunk(stream: BinaryIO | Source, name: str, size: int, offset: int) -> bytes:
     try:
         chunk = stream.read(size)
     except OSError as error:

@@ -23,7 +23,7 @@ from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import PointBlock, write_points
-from bfrt.formats.reading import POINTS, RGB, Reading
+from bfrt.formats.reading import AUTO, POINTS, RGB, Reading
 from bfrt.formats.source import Report, Source, quoted
 from bfrt.formats.text import MOST_CORNERS
 from bfrt.paths import is_file
@@ -251,8 +251,10 @@ def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None
         vertices = ObjVertices(source, reading)
         if vertices.count and not vertices.has_faces:
             reading.refuse_all_but(path, *POINTS)
-            if isinstance(reading.radius, str):
-                raise SettingError(f"{path}: found radius={reading.radius!r}, expected a number")
+            if isinstance(reading.radius, str) and reading.radius != AUTO:
+                raise SettingError(
+                    f"{path}: found radius={reading.radius!r}, expected a number or {AUTO}"
+                )
             write_points(ObjPoints(vertices), writer)
         else:
             write_mesh(ObjMesh(vertices, source, sink, reading), writer)

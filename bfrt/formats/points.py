@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import math
+import logging
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.formats.object_writer import ObjectWriter, finite
+from bfrt.formats.object_writer import ObjectWriter
+from bfrt.formats.reading import AUTO, Reading
+from bfrt.formats.spacing import spacing_of
+
+log = logging.getLogger(__name__)
 
 #: Points that are read at once.
 POINTS_AT_ONCE = 1 << 16
@@ -64,35 +69,62 @@ def write_points(points: Points, writer: ObjectWriter) -> None:
     SettingError
         If neither the setting nor the file has a radius.
     """
-    reading = writer.reading
-    radius = None if isinstance(reading.radius, str) else reading.radius
     if points.painted:
         writer.paint_by(points.numbers())
+    radius = the_one_radius(points, writer.reading)
     for centers, radii, values in points.blocks():
         if radii is None:
             if radius is None:
-                raise SettingError(
-                    f"{points.name}: found points without a radius, expected radius= (--radius on "
-                    f"the command line){fitting(points)}"
-                )
-            radii = np.full(len(centers), float(radius))
+                raise missing_radius(points, writer.reading)
+            radii = np.full(len(centers), radius)
         writer.spheres(centers, radii, values)
 
 
-def fitting(points: Points) -> str:
-    """Propose a radius that fits points, in words; nothing if all points are at one place.
+def the_one_radius(points: Points, reading: Reading) -> float | None:
+    """Return the radius of all points, if the setting gives one: a number, or their spacing.
 
-    Half their mean spacing: the largest of length / n, (area / n)^(1/2) and (volume / n)^(1/3) of
-    their bounds, whose longest sides make the length and the area, so that it is that of a line, a
-    surface or a volume, whichever the bounds are.
+    Raises
+    ------
+    SettingError
+        If all points are at one place, so that they have no spacing.
     """
-    lo, hi, count = np.full(3, np.inf), np.full(3, -np.inf), 0
-    for centers, _, _ in points.blocks():
-        good = centers[finite(centers)].astype(np.float64, copy=False)
-        if len(good):
-            lo, hi = np.minimum(lo, good.min(axis=0)), np.maximum(hi, good.max(axis=0))
-            count += len(good)
-    sides = np.sort(hi - lo)[::-1] if count else np.zeros(3)
-    logs = np.cumsum(np.log(sides[sides > 0]))
-    spacing = max((math.exp((s - math.log(count)) / k) for k, s in enumerate(logs, 1)), default=0.0)
-    return f": {spacing / 2:.2g} is half their mean spacing" if spacing else ""
+    if reading.radius == AUTO:
+        found = spacing_of(partial(centers_of, points))
+        if found.distance == 0.0:
+            raise SettingError(
+                f"{points.name}: found no two points that are apart, expected a number for "
+                f"radius= (--radius) in place of {AUTO}"
+            )
+        log.info(
+            "%s: radius %.3g, the median distance of %d of the points to their nearest",
+            points.name,
+            found.distance,
+            found.sample,
+        )
+        return found.distance
+    number = reading.radius is not None and not isinstance(reading.radius, str)
+    return float(reading.radius) if number else None  # type: ignore[arg-type]
+
+
+def missing_radius(points: Points, reading: Reading) -> SettingError:
+    """Return an error for points that have no radius, and are given none."""
+    if reading.radii is not None:
+        return SettingError(
+            f"{points.name}: found radius={reading.radius!r} for points without a type, expected "
+            f"a number, the name of what has each one's, or {AUTO}"
+        )
+    return SettingError(
+        f"{points.name}: found points without a radius, expected radius= (--radius on the command "
+        f"line){proposed(points)}"
+    )
+
+
+def centers_of(points: Points) -> Iterator[NDArray[Any]]:
+    """Yield the centers of points, (n, 3), block by block."""
+    return (block.centers for block in points.blocks())
+
+
+def proposed(points: Points) -> str:
+    """Propose a radius, in words: the points' spacing; nothing if all are at one place."""
+    distance = spacing_of(partial(centers_of, points)).distance
+    return f", as {AUTO}, which takes their spacing: {distance:.3g}" if distance else ""

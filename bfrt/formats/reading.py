@@ -13,6 +13,12 @@ from bfrt.errors import SettingError
 #: `color_by` of colors that a file has itself, not of numbers that a map makes colors of.
 RGB = "rgb"
 
+#: `radius` of points that tell it by their spacing.
+AUTO = "auto"
+
+#: What parts a type from its radius, and types.
+OF_TYPE, TYPES = "=", ","
+
 #: The columns that such colors are in, of formats that have columns.
 COLORS = ("red", "green", "blue")
 
@@ -63,7 +69,8 @@ class Reading:
     Parameters
     ----------
     radius : float or str, optional
-        The radius of all points, in the file's units, or the name of a column with one for each.
+        The radius of all points, in the file's units, or the name of a column with one for each;
+        "auto" for the points' spacing, or radii of types, as "1=0.5,2=0.8".
     positions : str, optional
         Name of the column, array or dataset that has the points' positions.
     color_by : str, optional
@@ -73,6 +80,12 @@ class Reading:
     color_range : (float, float), optional
         The numbers that get the map's first and last color; by default the column's least and
         greatest, which costs a pass over it.
+    column_names : str, optional
+        Names for the columns of points of text, parted by commas or blanks; - for one of none.
+    frame : int, optional
+        The frame of several, from 0, or from -1 back; the last by default.
+    opacity : float, optional
+        Of Gaussian splats those are taken that are as opaque as that, 0 to 1.
     skip_invalid : bool
         Drop and count objects that are not finite, instead of refusing them.
     triangulate, polygons : bool
@@ -98,9 +111,9 @@ class Reading:
     Raises
     ------
     SettingError
-        For a band that is no number from 1, a scale of 0, a radius that is not above 0, a radius
-        or a range that is not finite, a range whose ends are not in
-        order, and settings that exclude each other.
+        For a radius that is not above 0, a radius or a range that is not finite, a range whose
+        ends are not in order, a frame that is no whole number, an opacity that is not from 0 to 1,
+        a band that is no number from 1, a scale of 0, and settings that exclude each other.
     """
 
     radius: float | str | None = None
@@ -108,6 +121,9 @@ class Reading:
     color_by: str | None = None
     colormap: str | None = None
     color_range: tuple[float, float] | None = None
+    column_names: str | None = None
+    frame: int | None = None
+    opacity: float | None = None
     skip_invalid: bool = False
     triangulate: bool = False
     polygons: bool = False
@@ -123,6 +139,10 @@ class Reading:
     def __post_init__(self) -> None:
         if self.radius is not None and not isinstance(self.radius, str):
             check_radius(self.radius)
+        for radius in (self.radii or {}).values():
+            check_radius(radius)
+        check_frame(self.frame)
+        check_opacity(self.opacity)
         if self.triangulate and self.polygons:
             raise SettingError("triangulate, polygons: found both, expected one of them or none")
         check_band(self.band)
@@ -156,6 +176,21 @@ class Reading:
         return settings
 
     @property
+    def radius_column(self) -> str | None:
+        """Return the name of the column that has each point's radius, if the setting is one."""
+        named = isinstance(self.radius, str) and self.radius != AUTO and self.radii is None
+        return str(self.radius) if named else None
+
+    @property
+    def radii(self) -> dict[float, float] | None:
+        """Return radii by the points' type, if the setting gives such."""
+        pairs = [pair.partition(OF_TYPE) for pair in str(self.radius).split(TYPES)]
+        try:
+            return {float(kind): float(radius) for kind, _, radius in pairs}
+        except ValueError:
+            return None
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Return the names of the columns that colors are made from."""
         if self.color_by is None:
@@ -187,6 +222,31 @@ class Reading:
             raise SettingError(
                 "colormap, color_range: found without color_by, expected with it only"
             )
+
+
+def check_frame(frame: object) -> None:
+    """Refuse a frame that is no whole number.
+
+    Raises
+    ------
+    SettingError
+        If it is none.
+    """
+    if frame is not None and (not isinstance(frame, int) or isinstance(frame, bool)):
+        raise SettingError(f"frame: found {frame!r:.80}, expected a whole number, as 0 or -1")
+
+
+def check_opacity(opacity: object) -> None:
+    """Refuse an opacity that none can have.
+
+    Raises
+    ------
+    SettingError
+        If it is not from 0 to 1.
+    """
+    number = isinstance(opacity, Real) and not isinstance(opacity, bool)
+    if opacity is not None and not (number and 0.0 <= float(opacity) <= 1.0):  # type: ignore[arg-type]
+        raise SettingError(f"opacity: found {opacity!r:.80}, expected a number from 0 to 1")
 
 
 def check_radius(radius: object) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bfrt.errors import BudgetError, StreamError
+from bfrt.formats.gzipped import is_packed, suffix_of
 from bfrt.formats.raster.suffixes import DRIVERS
 from bfrt.memory import BASELINE, format_memory
 from bfrt.paths import UNKNOWN, facts_at
@@ -43,7 +44,8 @@ class Taken(NamedTuple):
     blocks : int
         Bytes of the blocks, if the file fills them.
     library : int
-        Bytes of the library that reads the format, of HDF5 and GDAL with the process that does so.
+        Bytes of the library that reads the format; of HDF5, GDAL and E57 with the process that
+        does so.
     fewest : int
         Bytes of the least room for vertices, or for a raster's blocks and rows.
     packed : bool
@@ -61,6 +63,7 @@ MESH = Taken(84 << 20, fewest=FEWEST)
 HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
 LAS = OBJECTS._replace(library=4 << 20)
 RASTER = OBJECTS._replace(library=72 << 20, fewest=FEWEST, packed=True)
+E57 = OBJECTS._replace(library=56 << 20, packed=True)
 
 #: A palette's writer remembers materials that may come again, 65,536 at the most.
 MATERIALS = 32 << 20
@@ -73,9 +76,11 @@ FORMATS = {
     ".npz": MESH._replace(packed=True),
     ".h5": HDF5,
     ".hdf5": HDF5,
+    ".off": MESH,
     ".las": LAS,
     ".laz": LAS._replace(packed=True),
     **dict.fromkeys(DRIVERS, RASTER),
+    ".e57": E57,
 }
 
 
@@ -109,8 +114,8 @@ def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Nee
     colored : bool
         Whether the file's own colors are taken.
     """
-    taken = FORMATS.get(".nff" if name == "-" else Path(name).suffix.lower(), OBJECTS)
-    full = math.inf if taken.packed else size_of(name) if size is None else size
+    taken = FORMATS.get(".nff" if name == "-" else suffix_of(name), OBJECTS)
+    full = math.inf if taken.packed or is_packed(name) else size_of(name) if size is None else size
     most = taken.blocks + (COLORS if colored else 0)
     blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
     return Need(name, blocks, blocks + int(min(taken.fewest, VERTICES * full)))
@@ -155,6 +160,22 @@ def check_corners(name: str, corners: int, room: int) -> None:
         raise BudgetError(
             f"{name}: found a face of {corners} corners, expected a budget of "
             f"{format_memory(short)} more to convert it"
+        )
+
+
+def check_colors(name: str, size: int, room: int) -> None:
+    """Refuse colors of a file's own, which nobody asked for, where the budget has no room for them.
+
+    Raises
+    ------
+    BudgetError
+        If it has none; the message tells how much is missing.
+    """
+    short = min(COLORS, GROWTH * size) - room
+    if short > 0:
+        raise BudgetError(
+            f"{name}: found objects with colors of their own, expected a budget of "
+            f"{format_memory(short)} more to convert them"
         )
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from bfrt.errors import BfrtError, SceneError, SettingError, ShortReadError, StreamError
 from bfrt.formats.encoding import MARK_BYTES, MARKS, Decoder, mark_of
+from bfrt.formats.gzipped import Unpacked, is_packed
 from bfrt.refusals import calling, give_up, refused
 
 #: Bytes of text that are parsed at once.
@@ -35,6 +36,8 @@ Bytes = npt.NDArray[np.uint8]
 
 class Source:
     """Reads a file forwards, knows its place, and names it in errors.
+
+    Of a file that gzip has packed, as its name ends with .gz, it reads the content.
 
     Libraries that want a file to read are given this one: `failure` then tells what the system
     refused from what they cannot make sense of.
@@ -74,6 +77,24 @@ class Source:
                 "standard input)"
             )
         self.size = there.st_size
+        self._packed: Unpacked | None = None
+        if is_packed(self.name):
+            self._unpack()
+
+    def _unpack(self) -> None:
+        """Read the content of a packed file from now on."""
+        self._packed = Unpacked(self._file, self.name)
+        try:
+            with calling(self.name, "reading"):
+                self.size = self._packed.measure()
+        except BaseException:
+            give_up(self._file)
+            raise
+
+    @property
+    def done(self) -> int:
+        """Return the bytes of the file that are read, packed as they are."""
+        return self.at if self._packed is None else self._packed.taken
 
     def seek(self, offset: int, whence: int = 0, /) -> int:
         """Go on at a byte: from the begin, from here (1) or from the end (2)."""
@@ -81,7 +102,7 @@ class Source:
         if not 0 <= at < 1 << 63:
             raise OSError(errno.EINVAL, f"byte {at}")
         try:
-            self._file.seek(at)
+            (self._packed or self._file).seek(at)
         except OSError as error:
             self._refused = refused(self.name, at, error, "seeking")
             raise self._refused from error
@@ -97,15 +118,16 @@ class Source:
     def read_into(self, buffer: memoryview) -> int:
         """Fill a buffer as far as the file goes; return the bytes."""
         done = 0
+        file = self._packed or self._file
         try:
-            while done < len(buffer) and (got := self._file.readinto(buffer[done:])):
+            while done < len(buffer) and (got := file.readinto(buffer[done:])):
                 done += got
         except OSError as error:
             self._refused = refused(self.name, self.at + done, error, "reading")
             raise self._refused from error
         self.at += done
         if self.report is not None:
-            self.report(self.at)
+            self.report(self.done)
         return done
 
     def readinto(self, buffer: Any, /) -> int:

@@ -2,8 +2,8 @@
 
 A text is a buffer with one byte before what is read and a NUL behind it. The NUL ends every inner
 loop: only what stops at a NUL compares with ``end``. Tokens have at most ``TOKEN_BYTES``; blanks
-part them. In formats that have comments a ``#`` where a token may begin is one's, which the line
-ends; ``1.#IND`` is one token.
+part them, and where columns have one their separator. In formats that have comments a ``#`` where
+a token may begin is one's, which the line ends; ``1.#IND`` is one token.
 """
 
 from libc.math cimport isinf
@@ -62,6 +62,7 @@ cdef struct Text:
     bint ended  # no chunk follows
     bint comments  # whether a # where a token may begin is a comment's
     bint comment  # the chunk ended inside a comment
+    unsigned char separator  # ends a token as a blank does; a blank where nothing else does
 
 
 cdef class Tokens:
@@ -75,6 +76,10 @@ cdef int read_no_finite(Text *text, int status, double *out) noexcept nogil
 
 cdef inline bint is_blank(unsigned char byte) noexcept nogil:
     return byte == SPACE or 9 <= byte <= 13
+
+
+cdef inline bint ends_token(Text *text, unsigned char byte) noexcept nogil:
+    return is_blank(byte) or byte == text.separator
 
 
 cdef inline bint pass_blanks(Text *text) noexcept nogil:
@@ -114,7 +119,7 @@ cdef inline int measure(Text *text) noexcept nogil:
     cdef Py_ssize_t length = 0
     cdef bint binary = False
     while length <= TOKEN_BYTES and at + length < text.end:
-        if is_blank(at[length]):
+        if ends_token(text, at[length]):
             break
         binary |= at[length] == NUL or at[length] > LAST_ASCII
         length += 1
@@ -205,7 +210,7 @@ cdef inline int read_number(Text *text, double *out) except -1 nogil:
         or mantissa > exact_mantissa()
         or not -22 <= exponent <= 22
         or at - text.at > TOKEN_BYTES
-        or not is_blank(at[0])
+        or not ends_token(text, at[0])
     ):
         return read_hard_number(text, at, out)
     x = <double>mantissa

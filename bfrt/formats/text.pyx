@@ -15,6 +15,7 @@ cdef class Tokens:
         self.text.ended = True  # no token goes on in the next chunk
         self.text.comments = True
         self.text.comment = False
+        self.text.separator = SPACE
         self.text.length = 0
 
     @property

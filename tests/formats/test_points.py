@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from bfrt.formats.colors import NO_VALUE, STEPS, colormap, cubehelix, linear
 from bfrt.formats.object_writer import ObjectWriter
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import Reading
+from bfrt.formats.spacing import SAMPLE, spacing_of
 from bfrt.records import Kind
 
 RNG = np.random.default_rng(8)
@@ -103,26 +105,67 @@ def without_radius(centers):
 
 
 def test_points_without_a_radius():
-    assert without_radius(CENTERS).endswith(" is half their mean spacing")
+    said = without_radius(CENTERS)
+    spacing = spacing_of(lambda: iter([CENTERS])).distance
+    assert said == f", as auto, which takes their spacing: {spacing:.3g}"
     for rows in (np.ones((5, 3)), CENTERS[:1], np.full((3, 3), np.nan)):
         assert without_radius(rows) == ""
+        with pytest.raises(SettingError, match="found no two points that are apart, expected a"):
+            written(Given(rows), radius="auto")
     assert len(written(Given(CENTERS[:0]))[0]) == 0
+
+
+def test_radii_by_type_of_points_without_one():
+    said = "found radius='1=2,2=3' for points without a type, expected a number, the name"
+    with pytest.raises(SettingError, match=said):
+        written(Given(CENTERS), radius="1=2,2=3")
+
+
+def nearest(rows):
+    """The median of the distances to the nearest that is elsewhere, of all points."""
+    apart = np.linalg.norm(rows[:, None] - rows, axis=2)
+    apart[apart == 0] = np.inf
+    least = apart.min(axis=1)
+    least = least[np.isfinite(least)]
+    return np.median(least) if len(least) else 0.0
 
 
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
 @pytest.mark.parametrize("axes", [1, 2, 3])
-def test_a_radius_that_fits_a_net_of_points(axes, scale, dtype):
-    """Of a line, a surface and a volume: spheres of it all but touch."""
+def test_the_spacing_of_a_net(axes, scale, dtype, caplog):
+    """Of a line, a surface and a volume: spheres of it touch."""
+    caplog.set_level(logging.INFO)
     steps = np.linspace(0, 4, 101 if axes == 1 else 21)
     net = np.stack(np.meshgrid(*[steps] * axes), axis=-1).reshape(-1, axes)
     rows = np.zeros((len(net), 3))
     rows[:, :axes] = net * scale
-    rows = np.vstack([rows, np.full(3, np.nan)]).astype(dtype)
-    radius = float(without_radius(rows).split()[1])
-    spacing = (steps[1] - steps[0]) * scale
-    assert 0.9 * spacing <= 2 * radius <= 1.01 * spacing
-    assert len(written(Given(rows), radius=radius, skip_invalid=True)[0]) == len(net)
+    rows = np.vstack([rows, np.full(3, np.nan), rows[:9]]).astype(dtype)
+    records, _ = written(Given(rows, block=99), radius="auto", skip_invalid=True)
+    assert len(records) == len(rows) - 1
+    assert records[:, 3] == pytest.approx((steps[1] - steps[0]) * scale, rel=1e-4)
+    assert f"radius {records[0, 3]:.3g}, the median distance of" in caplog.messages[0]
+
+
+@given(st.integers(2, SAMPLE), st.integers(1, 300), st.integers(0, 99))
+def test_the_spacing_of_few_points_is_exact(count, block, seed):
+    rows = np.random.default_rng(seed).normal((5e5, 5e6, 300), 1, (count, 3))
+    rows[count // 2 :: 3] = rows[0]
+    blocks = [rows[first : first + block] for first in range(0, count, block)]
+    found = spacing_of(lambda: iter(blocks))
+    assert found.distance == pytest.approx(nearest(rows), rel=1e-6)
+    assert found.sample == (count if found.distance else 0)
+
+
+def test_the_spacing_of_many_points():
+    """A sample of them is near; of clusters too, whose bounds say nothing of it."""
+    random = np.random.default_rng(3)
+    clusters = random.uniform(0, 1e4, (20, 3))
+    rows = (clusters[:, None] + random.normal(size=(20, 200, 3))).reshape(-1, 3)
+    found = spacing_of(lambda: iter(np.array_split(rows, 7)))
+    assert found == spacing_of(lambda: iter(np.array_split(rows, 3)))
+    assert found.sample == SAMPLE
+    assert found.distance == pytest.approx(nearest(rows), rel=0.15)
 
 
 @given(

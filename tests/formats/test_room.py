@@ -17,7 +17,16 @@ from bfrt.errors import BudgetError
 from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, need_of, rooms_for
 from bfrt.memory import BASELINE, parse_memory
 
-SUFFIXES = ("nff", "stl", "npy", "ply", "obj")
+SUFFIXES = ("nff", "stl", "npy", "ply", "obj", "off", "xyz", "pcd", "dump")
+
+
+#: What formats have before lines of points.
+WORDS = {
+    ".xyz": "# {} points\n",
+    ".pcd": "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS {}\nDATA ascii\n",
+    ".dump": "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{}\nITEM: BOX BOUNDS\n0 1\n0 1\n0 1\n"
+    "ITEM: ATOMS x y z\n",
+}
 
 
 def write(path, side):
@@ -32,6 +41,13 @@ def write(path, side):
         np.save(path, vertices)
     elif path.suffix == ".nff":
         path.write_text("".join(f"s {x} {y} {z} 1\n" for x, y, z in vertices.tolist()))
+    elif path.suffix in WORDS:
+        rows = "".join(f"{x} {y} {z}\n" for x, y, z in vertices.tolist())
+        path.write_text(WORDS[path.suffix].format(n * n) + rows)
+    elif path.suffix == ".off":
+        rows = [f"OFF\n{n * n} {len(faces)} 0\n", *(f"{x} {y} {z}\n" for x, y, z in vertices)]
+        rows += ["4 {} {} {} {}\n".format(*face) for face in faces.tolist()]
+        path.write_text("".join(rows))
     elif path.suffix == ".stl":
         facets = np.zeros(len(a), [("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
         facets["v"] = vertices[faces[:, :3]]
@@ -51,7 +67,7 @@ def write(path, side):
 
 
 def asked(suffix):
-    return {"radius": 0.1} if suffix == "npy" else {}
+    return {"radius": 0.1} if suffix in ("npy", "xyz", "pcd", "dump") else {}
 
 
 def least_of(path, **settings):
@@ -73,7 +89,7 @@ def test_the_least_follows_the_file(tmp_path, suffix):
     assert "expected 53MiB or more" in failure(path, BudgetError, memory="52MiB", **asked(suffix))
     with path.open("ab") as file:
         file.truncate(1 << 40)  # more than any block
-    least = {"ply": "144MiB", "obj": "144MiB", "nff": "132MiB"}
+    least = dict.fromkeys(("ply", "obj", "off"), "144MiB") | {"nff": "132MiB"}
     assert least_of(path, **asked(suffix)) == least.get(suffix, "100MiB")
 
 

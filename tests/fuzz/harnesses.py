@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fuzz import readers, stores
+from fuzz.e57 import e57
 from fuzz.hdf5 import hdf5
 from fuzz.states import checkpoint
 from fuzz.trial import Harness
@@ -23,6 +24,12 @@ HARNESSES: dict[str, Callable[[Path], Harness]] = {
     "las": readers.las,
     "laz": readers.laz,
     "raster": readers.raster,
+    "lines": readers.lines,
+    "gzipped": readers.gzipped,
+    "pcd": readers.pcd,
+    "off": readers.off,
+    "lammps": readers.lammps,
+    "e57": e57,
     "rays": stores.rays,
     "store": stores.store,
     "checkpoint": checkpoint,

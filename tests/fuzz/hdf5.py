@@ -6,7 +6,7 @@ import io
 import os
 import signal
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,16 +24,22 @@ class Forked:
     """Stands for `subprocess.Popen` of the process that reads."""
 
     def __init__(self, asked: list[str], **_: Any) -> None:
-        path, limits = remote.json.loads(asked[3])
+        work = self.work(asked)
         to_read, to_write = os.pipe(), os.pipe()
         self._id = os.fork()
         if not self._id:
-            serve(path, limits, (to_read[0], to_write[1]))
+            serve(work, (to_read[0], to_write[1]))
         os.close(to_read[0])
         os.close(to_write[1])
         self.stdin = io.FileIO(to_read[1], "w")
         self.stdout = io.FileIO(to_write[0])
         self._status: int | None = None
+
+    @staticmethod
+    def work(asked: list[str]) -> Callable[[], None]:
+        """What the process does."""
+        path, limits = remote.json.loads(asked[3])
+        return lambda: child.main(path, list(Limits(*limits)))
 
     def kill(self) -> None:
         if self._status is None:
@@ -45,14 +51,14 @@ class Forked:
         return self._status
 
 
-def serve(path: str, limits: list[Any], streams: Sequence[int]) -> None:
+def serve(work: Callable[[], None], streams: Sequence[int]) -> None:
     """Be the process that reads, and end."""
     try:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         for number, stream in enumerate((*streams, nowhere)):
             os.dup2(stream, number)
         os.closerange(3, 256)
-        child.main(path, list(Limits(*limits)))
+        work()
     finally:
         os._exit(0)
 

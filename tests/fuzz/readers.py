@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import zipfile
 import zlib
@@ -15,6 +16,7 @@ import meshes
 import nff_files
 import numpy as np
 import obj_files
+import pcd_files
 import ply_files
 import raster_files
 import stl_files
@@ -262,3 +264,84 @@ def raster(home: Path) -> Harness:
 
     tokens = (b"II*\x00", b"MM\x00*", b"II+\x00", b"\x01\x01", b"\x44\x01", b"-9999", b"nan\x00")
     return of_bytes(seeds, tokens, run)
+
+
+# --- points, and OFF -----------------------------------------------------------------------------
+
+#: Rows of numbers, and what text of them may have.
+ROWS = "".join(f"{k} {k * 0.5} {-k} {k % 3 + 1} {k * 9} 0 255\n" for k in range(1, 13))
+WORDS = (
+    b"\n",
+    b"\r\n",
+    b",",
+    b";",
+    b"\t",
+    b"|",
+    b'"',
+    b"#",
+    b"//",
+    b"nan",
+    b"1e400",
+    b"12\n",
+    b"-",
+)
+
+CLOUD: Settings = (
+    {"radius": 0.5}, {"radius": "auto"}, {"radius": 0.5, "color_by": "rgb"}, {"radius": "4"},
+    {"radius": 0.5, "color_by": "intensity"}, {"radius": 0.5, "skip_invalid": True}, {},
+)  # fmt: skip
+
+
+def lines(_: Path) -> Harness:
+    titled = "x,y,z,intensity,red,green,blue\n" + ROWS.replace(" ", ",")
+    seeds = [text.encode() for text in (ROWS, "12\n" + ROWS, titled, "# x y z a b c d\n" + ROWS)]
+    return of_bytes(seeds, WORDS, converting("a.csv", CLOUD))
+
+
+def gzipped(_: Path) -> Harness:
+    seeds = [gzip.compress(ROWS.encode(), level, mtime=0) for level in (0, 1, 9)]
+    seeds.append(seeds[0] + seeds[1])
+    return of_bytes(seeds, (b"\x1f\x8b\x08\x00", bytes(8)), converting("a.xyz.gz", CLOUD))
+
+
+def pcd(_: Path) -> Harness:
+    made = np.zeros(12, [*pcd_files.XYZ, ("intensity", "<f4"), ("rgb", "<f4"), ("n", "<i2", 3)])
+    for number, axis in enumerate("xyz"):
+        made[axis] = np.arange(12) * (number + 1)
+    made["intensity"] = np.arange(12) + 1
+    seeds = [pcd_files.pcd(made, layout) for layout in pcd_files.LAYOUTS]
+    words = b"FIELDS |SIZE |TYPE |COUNT |WIDTH |HEIGHT 1|POINTS |DATA ascii\n|binary|rgba|12|\n"
+    return of_bytes(seeds, tuple(words.split(b"|")), converting("a.pcd", CLOUD))
+
+
+def off(_: Path) -> Harness:
+    rows = "0 0 0{0}\n1 0 0{0}\n1 1 0.5{0}\n0 1 0{0}\n"
+    faces = "3 0 1 2{1}\n4 0 1 2 3{1}\n"
+    seeds = [
+        f"{word}\n4 2 0\n{(rows + faces).format(more, behind)}".encode()
+        for word, more, behind in (
+            ("OFF", "", ""), ("COFF", " 255 0 9 1", ""), ("OFF # a", "", " 0.5 1 0"),
+            ("CNOFF", " 0 0 1 1 1 0", " 7"),
+        )
+    ]  # fmt: skip
+    seeds.append(b"OFF 4 0 0\n" + rows.format("").encode())
+    tokens = (b"OFF", b"COFF", b"4 2 0", b"99999999", b"-1", *WORDS)
+    return of_bytes(seeds, tokens, converting("a.off", (*MESH[:6], {"radius": "auto"})))
+
+
+def lammps(_: Path) -> Harness:
+    atoms = "ITEM: ATOMS id type {} radius\n1 1 0.5 0.5 0.5 1\n2 2 0.25 0.5 0.75 2\n"
+    begin = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\n"
+    boxes = (
+        "ITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n-1 9\n",
+        "ITEM: BOX BOUNDS xy xz yz pp pp pp\n0 9 1\n0 9 0\n0 9 2\n",
+        "ITEM: BOX BOUNDS abc origin\n1 0 0 0\n0 1 0 0\n0 0 1 0\n",
+    )
+    frames = [begin + box + atoms.format(n) for box in boxes for n in ("x y z", "xs ys zs")]
+    seeds = [frame.encode() for frame in (*frames, frames[0] + frames[3])]
+    tokens = (b"ITEM: ", b"TIMESTEP\n0\n", b"NUMBER OF ATOMS\n", b"BOX BOUNDS ", b"xsu ysu zsu")
+    settings: Settings = (
+        {}, {"radius": "1=1,2=3"}, {"radius": 1, "frame": 0}, {"radius": "auto", "frame": -2},
+        {"color_by": "type"}, {"skip_invalid": True},
+    )  # fmt: skip
+    return of_bytes(seeds, (*tokens, *WORDS), converting("a.dump", settings))

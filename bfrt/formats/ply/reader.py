@@ -8,18 +8,19 @@ from typing import Any
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.columns import POSITION
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.object_writer import ObjectWriter, SceneSink, cast
 from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
+from bfrt.formats.ply.splats import Splats, are_splats, colored
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
+from bfrt.formats.room import check_colors
 from bfrt.formats.source import Report, printable
 
 #: What full color is.
 FULL_COLOR = {1: 255.0, 3: 65535.0}
-
-POSITION = ("x", "y", "z")
 
 #: Names that a file's own colors go by; of several the first counts.
 COLOR_NAMES = (COLORS, ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
@@ -73,10 +74,10 @@ class PlyPoints:
         self._vertex = vertex
         self._asked = painting(vertex, reading)
         self.painted = bool(self._asked)
-        radius = reading.radius
-        if radius is None and vertex.find("radius"):
+        radius = reading.radius_column
+        if reading.radius is None and vertex.find("radius"):
             radius = "radius"
-        self._radius = (radius,) if isinstance(radius, str) else ()
+        self._radius = () if radius is None else (radius,)
         for names in (self._radius, self._asked):
             if not all(vertex.find(name) for name in names):
                 raise missing(ply, names, "vertex")
@@ -149,6 +150,12 @@ def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None
         writer = ObjectWriter(sink, path, reading)
         if faces:
             write_mesh(PlyMesh(ply, vertex, faces, reading), writer)
+        elif are_splats(vertex):
+            reading.refuse_all_but(path, "opacity", *POINTS)
+            if reading.color_by is None:
+                check_colors(path, ply.source.size, reading.room)
+            writer = ObjectWriter(sink, path, colored(reading))
+            write_points(Splats(ply, vertex, reading), writer)
         else:
             reading.refuse_all_but(path, *POINTS)
             write_points(PlyPoints(ply, vertex, reading), writer)
