@@ -19,6 +19,7 @@ LAYERS = [
     {"treelets"},
     {"image"},
     {"store"},
+    {"shards"},
     {"formats", "framing"},
     {"view"},
     {"checkpoint"},

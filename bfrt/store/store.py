@@ -47,6 +47,7 @@ from bfrt.store.stream import Stream
 VERSION = 5
 MADE = "made.json"
 PALETTE = "palette"
+MARKS = "marks"
 
 
 @dataclass(frozen=True)
@@ -151,6 +152,10 @@ class Store:
         ]
         self.folder.move(path)
         return replace(self, groups=groups)
+
+    def marks_of(self, group: Group) -> Path:
+        """Return the path of a group's marks, where we may write to the store."""
+        return self.path / str(group.number) / MARKS
 
     def files(self) -> list[tuple[Path, FileFacts]]:
         """Return every file that the header lists."""

@@ -35,6 +35,8 @@ class Stream:
         Where they are opened.
     folder : Path
         Where they are.
+    first_material : int
+        Place of the store's first material in the palette of a scene that has several stores.
     """
 
     store: StoreFolder
@@ -55,6 +57,7 @@ class Stream:
     nodes: int
     treelet_bytes: int
     files: dict[str, FileFacts]
+    first_material: int = 0
 
     @property
     def number(self) -> int:
