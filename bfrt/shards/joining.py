@@ -61,16 +61,17 @@ def join(path: Path, stores: Sequence[Store]) -> Manifest:
     if not stores:
         raise SettingError(f"{path}: found no store, expected one or more for a sharded scene")
     first = stores[0]
+    given = next((store for store in stores if store.objects), first)
     for store in stores:
-        if store.origin != first.origin:
+        if store.objects and store.origin != given.origin:
             raise SettingError(
-                f"{store.path}: found the origin {store.origin}, expected {first.origin} as in "
-                f"{first.path}: shards have one origin"
+                f"{store.path}: found the origin {store.origin}, expected {given.origin} as in "
+                f"{given.path}: shards have one origin"
             )
     bounds = functools.reduce(Bounds.union, [store.bounds for store in stores])
-    check_extent(bounds, first.origin)
+    check_extent(bounds, given.origin)
     manifest = Manifest(
-        first.origin, bounds, first.camera, tuple(first.lights), first.background,
+        given.origin, bounds, first.camera, tuple(first.lights), first.background,
         tuple(_shards(path, stores)),
     )  # fmt: skip
     write_manifest(path, manifest)

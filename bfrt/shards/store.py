@@ -18,7 +18,7 @@ from bfrt.ids import index_of, kind_of, object_id, stream_number, stream_of
 from bfrt.paths import is_file, path_of
 from bfrt.records import MATERIAL_BYTES
 from bfrt.shards.folders import ShardFolders
-from bfrt.shards.manifest import Manifest, Shard, ShardStream, read_manifest
+from bfrt.shards.manifest import SUFFIX, Manifest, Shard, ShardStream, read_manifest
 from bfrt.store.file_facts import FileFacts
 from bfrt.store.store import Group, Store, open_store
 
@@ -92,7 +92,7 @@ def open_any(path: str | os.PathLike[str]) -> Store:
         As the system refuses.
     """
     path = path_of("store", path)
-    return open_sharded(path) if is_file(path) else open_store(path)
+    return open_sharded(path) if path.suffix == SUFFIX and is_file(path) else open_store(path)
 
 
 def open_sharded(path: Path, numbers: Iterable[int] | None = None) -> ShardedStore:
@@ -128,8 +128,8 @@ def open_shard(path: Path, manifest: Manifest, number: int) -> Store:
                 f"{store.path}: found a store with a header of CRC-32 {found.crc32:08x}, expected "
                 f"{shard.header.crc32:08x}: it is not the one that {path} was made with"
             )
-        same = described(store, shard.path, shard.group)
-        if same.fields() != shard.fields() or store.origin != manifest.origin:
+        same = described(store, shard.path, shard.group).fields() == shard.fields()
+        if not same or (store.objects and store.origin != manifest.origin):
             raise StoreError(
                 f"{path}: found shard {number} to differ from the store {store.path}, expected the "
                 "same groups, objects, bounds and origin"

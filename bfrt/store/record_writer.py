@@ -313,6 +313,11 @@ class RecordWriter:
             return np.full(n, self.material(Material()), np.uint32)
         return self._palette.indices_of(materials, n)
 
+    def begin_group(self, number: int) -> None:
+        """Begin a group, which may stay empty: the next; `SettingError` for others."""
+        self._check_group(number)
+        self._group(number)
+
     def complete_group(self, number: int) -> None:
         """Complete the files of a group, if it is begun: it gets no more objects."""
         group = self._groups[number] if number < len(self._groups) else None

@@ -15,7 +15,7 @@ from kills import contents
 
 import bfrt
 from bfrt.checkpoint.checkpoint import Checkpoint
-from bfrt.conversion import convert as conversion
+from bfrt.conversion import writing as conversion
 from bfrt.errors import CheckpointError, SceneError, SettingError
 from bfrt.store.atomic_folder import AtomicFolder
 
