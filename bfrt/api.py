@@ -2,6 +2,7 @@
 
 from bfrt import spd
 from bfrt.cleaning import clean
+from bfrt.cluster.copies import copy_store
 from bfrt.conversion.convert import convert
 from bfrt.errors import (
     BfrtError,
@@ -62,6 +63,7 @@ __all__ = [
     "cast_rays",
     "clean",
     "convert",
+    "copy_store",
     "count_intersections",
     "framing_camera",
     "list_intersections",

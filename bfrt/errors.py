@@ -12,6 +12,10 @@ from typing import Any
 class BfrtError(Exception):
     """Stands for any fault that bfrt finds: the base of all its exceptions."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by the arguments: Dask's way to send errors on has none of its own for some."""
+        return type(self), self.args
+
 
 class SceneError(BfrtError, ValueError):
     """Reports input that is no scene: a bad file, a NaN, a count that the data do not bear out.

@@ -103,6 +103,12 @@ class RenderState:
         self.band, self.depth = self.band + 1, 0
         self.queue = self.eye_rays(*self.film.elements())
 
+    def begin_at(self, row: int) -> None:
+        """Begin with the band whose first row is `row`, as none before it was rendered here."""
+        self.film.begin_at(row)
+        self.band = row // self.film.held + 1
+        self.queue = self.eye_rays(*self.film.elements())
+
     def close(self) -> None:
         """Free the disk."""
         for spool in (self.waiting, self.following, self.hits):

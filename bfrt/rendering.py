@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterable
 
 from bfrt.checkpoint.checkpoint import Checkpoint
+from bfrt.image.film_bands import Planes, own_planes
 from bfrt.image.picture import Image
 from bfrt.progress import Report
 from bfrt.scheduler import Render
@@ -46,9 +47,47 @@ def picture_of(
     image = Image(buffer.channels(), describe(store, view), stats)
     stats.total.seconds += time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
+    tell_of_bad_rays(stats)
+    return image
+
+
+def tell_of_bad_rays(stats: Stats) -> None:
+    """Log how many rays of a render were bad, if any were."""
     if stats.bad_rays:
         log.warning("%d rays were NaN or had no direction, and hit nothing", stats.bad_rays)
-    return image
+
+
+def band_of(tracer: Tracer, view: View, row: int, report: Report) -> tuple[Planes, Stats]:
+    """Trace one band of a view: what many workers share a frame by.
+
+    Parameters
+    ----------
+    tracer : Tracer
+        A session on the scene, with capacities for bands of the view's frame.
+    view : View
+    row : int
+        The first of the band.
+    report : Report
+        Called after each pass.
+
+    Returns
+    -------
+    planes : list of ndarray
+        The film of the elements that no band before it has (`own_planes`).
+    stats : Stats
+
+    Raises
+    ------
+    StoreError, DiskFullError, StreamError
+        As `bfrt.render`.
+    """
+    start = time.perf_counter()
+    stats = stats_of(tracer)
+    stats.settings["depth"] = view.depth
+    film = Render(tracer, view, stats, report).run_band(row)
+    stats.total.seconds += time.perf_counter() - start
+    stats.peak_rss_bytes = peak_rss()
+    return own_planes(film), stats
 
 
 def stats_of(tracer: Tracer) -> Stats:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -15,14 +14,18 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bfrt.budget import NO_FRAME, Capacities, capacities
+from bfrt.budget import capacities
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of, identity_of_render
 from bfrt.checkpoint.soundness import QUERY_FACTS, RENDER_FACTS
+from bfrt.cluster import bands
+from bfrt.cluster.asked import Asked
+from bfrt.cluster.blocks import Local, lazy_answer
+from bfrt.cluster.engine import client_of, is_lazy
+from bfrt.cluster.place import Place
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
-from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
 from bfrt.planned import Plan
 from bfrt.planning import plan_of
@@ -34,20 +37,20 @@ from bfrt.queries.rays import Given
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import picture_of
+from bfrt.session import Divide, Session
 from bfrt.settings import FINEST, TREE, Settings
 from bfrt.shards.store import open_any
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store
 from bfrt.store.writer import StoreWriter
-from bfrt.tracer import Tracer
 from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, View
 
 PathLike = str | os.PathLike[str]
 
-#: Divides the budget of settings, for a scene and a frame.
-Divide = Callable[[Store, Settings, FrameSize], Capacities]
+#: A ``dask.distributed.Client``, True for the current one, or None for none.
+Client = Any
 
 
 @dataclass(frozen=True)
@@ -91,17 +94,20 @@ class Scene:
         The open store: groups, streams, files.
     """
 
-    _kept: Tracer | None = None
-
     def __init__(self, store: Store, divide: Divide = capacities) -> None:
         self.store = store
-        self._divide = divide
-        # A query may be asked, and the scene closed, by what a query calls: blocks, progress.
-        self._busy = threading.RLock()
+        self._session = Session(store, divide)
 
-    def __reduce__(self) -> tuple[type[Scene], tuple[Store, Divide]]:
-        """Reduce to the store: copies, and what another process is sent, prepare for themselves."""
-        return Scene, (self.store, self._divide)
+    def __copy__(self) -> Scene:
+        """Return a scene of the same store, which prepares for itself."""
+        return Scene(self.store, self._session.divide)
+
+    def __deepcopy__(self, _: object) -> Scene:
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Callable[[Place, Divide], Scene], tuple[Place, Divide]]:
+        """Reduce to the place of the store, which another process opens for itself."""
+        return _sent, (Place.of(self.store), self._session.divide)
 
     def __repr__(self) -> str:
         return f"<Scene {str(self.path)!r}: {self.objects:,} objects>"
@@ -194,27 +200,7 @@ class Scene:
 
     def close(self) -> None:
         """Release what queries have prepared: threads, memory, open files. May be repeated."""
-        with self._busy:
-            self._forget()
-
-    def __del__(self) -> None:
-        self._forget()
-
-    def _forget(self) -> None:
-        kept, self._kept = self._kept, None
-        if kept is not None:
-            kept.close()
-
-    def _make_room(self) -> None:
-        """Release what queries have prepared, to make room for a render, unless it is in use."""
-        if self._busy.acquire(blocking=False):
-            try:
-                self._forget()
-            finally:
-                self._busy.release()
-
-    def _tracer(self, settings: Settings) -> Tracer:
-        return tracer_of(self.store, settings, self._divide(self.store, settings, NO_FRAME))
+        self._session.close()
 
     def _refinement(self, asked: str | None, *of_grid: int | bool | None) -> str:
         """Return the refinement asked for, or the one for this store and settings of a grid."""
@@ -227,40 +213,6 @@ class Scene:
             return asked
         gridded = any(value is not None and value is not False for value in of_grid)
         return TREE if self.store.ordered and not gridded else FINEST
-
-    @contextmanager
-    def _session(self, settings: Settings) -> Iterator[Tracer]:
-        """Yield a tracer of these settings: the kept one where it fits and is free.
-
-        One that was broken off is not kept, and neither is one whose marks had to be fresh.
-        """
-        with self.store.folder.session(), self._free_tracer(settings) as tracer:
-            yield tracer
-
-    @contextmanager
-    def _free_tracer(self, settings: Settings) -> Iterator[Tracer]:
-        """Yield a tracer that no other query uses."""
-        if not self._busy.acquire(blocking=False):
-            with self._tracer(settings) as other:
-                yield other
-            return
-        try:
-            if self._kept is None or not self._kept.serves(settings):
-                self._forget()
-                self._kept = self._tracer(settings)
-            tracer, self._kept = self._kept, None
-            try:
-                yield tracer
-            except BaseException:
-                tracer.close()
-                raise
-            if settings.fresh_marks:
-                tracer.close()
-            else:
-                self._forget()
-                self._kept = tracer
-        finally:
-            self._busy.release()
 
     def _inside(self, settings: Settings, doing: str) -> AbstractContextManager[None]:
         """Name a lack of memory in a block by what is done, and the budget."""
@@ -348,6 +300,7 @@ class Scene:
         progress: bool | Report = False,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
+        client: Client = None,
     ) -> Image:
         """Render the scene.
 
@@ -401,6 +354,12 @@ class Scene:
         every : float
             Seconds between two saves of that state at the least; they take no more than 2 % of the
             time. 0 saves after each pass, whatever that takes.
+        client : dask.distributed.Client, or True, optional
+            The workers of a cluster render bands of rows each; True is the current client. The
+            store has the same path on all of them. `memory`, `threads` and `scratch` are each
+            worker's: by default a quarter of its memory limit, and all its threads. A checkpoint
+            is refused. `progress` gets the sum of all bands and depths. By default this process
+            renders.
 
         Returns
         -------
@@ -424,6 +383,9 @@ class Scene:
         """
         view = View.of(self.store, camera, samples, depth, aovs)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if client is not None and client is not False:
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return self._render_by(client, view, asked, progress, checkpoint)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         reported, inside = reporting(progress), self._inside(settings, "rendering")
         with reported as report, inside, keeping(checkpoint, every) as kept:
@@ -432,14 +394,32 @@ class Scene:
                 work = identity_of_render(self.store, view, settings)
                 found = kept.find(work, RENDER_FACTS)
                 frame = frame._replace(band=0 if found is None else found.facts["rows"])
-            plan = self._divide(self.store, settings, frame)
-            self._make_room()
+            plan = self._session.divide(self.store, settings, frame)
+            self._session.make_room()
             folder = None if kept is None else kept.folder
             with (
                 self.store.folder.session(),
                 tracer_of(self.store, settings, plan, folder) as tracer,
             ):
                 return picture_of(tracer, view, report, kept)
+
+    def _render_by(
+        self,
+        client: Client,
+        view: View,
+        asked: Asked,
+        progress: bool | Report,
+        checkpoint: PathLike | Checkpoint | None,
+    ) -> Image:
+        """Render by the workers of a cluster."""
+        if checkpoint is not None:
+            raise SettingError(
+                "checkpoint: found one with a client, expected None: bands that are finished are "
+                "kept by the cluster, and only a worker's own are done again"
+            )
+        with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
+            heard = None if progress is False else report
+            return bands.render(client_of(client), self.store, view, asked, heard)
 
     def plan(
         self,
@@ -482,7 +462,7 @@ class Scene:
         view = View.of(self.store, camera, samples, depth, aovs).sized(resolution)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        held = self._divide(self.store, settings, view.frame)
+        held = self._session.divide(self.store, settings, view.frame)
         return plan_of(self.store, view, settings, held, kept=checkpoint is not None)
 
     def cast_rays(
@@ -550,12 +530,16 @@ class Scene:
         for bit, for every memory budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("cast_rays", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "cast_rays", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.NEAREST.answer(self._session, question, settings)
+            return casting.NEAREST.answer(self._session.tracer, question, settings)
 
     def occluded(
         self,
@@ -617,12 +601,16 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("occluded", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "occluded", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.ANY_HIT.answer(self._session, question, settings)
+            return casting.ANY_HIT.answer(self._session.tracer, question, settings)
 
     def count_intersections(
         self,
@@ -684,12 +672,16 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("count_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "count_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.COUNT.answer(self._session, question, settings)
+            return casting.COUNT.answer(self._session.tracer, question, settings)
 
     def list_intersections(
         self,
@@ -750,12 +742,16 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(origins, directions, t_min, t_max):
+            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_answer("list_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "list_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.LIST.answer(self._session, question, settings)
+            return casting.LIST.answer(self._session.tracer, question, settings)
 
 
 class SceneWriter(StoreWriter):
@@ -805,16 +801,21 @@ def open_scene(path: PathLike) -> Scene:
         return Scene(open_any(path))
 
 
-Asked = ParamSpec("Asked")
+def _sent(place: Place, divide: Divide) -> Scene:
+    """Open a scene that another process has sent."""
+    return Scene(place.open(), divide)
+
+
+Passed = ParamSpec("Passed")
 Told = TypeVar("Told")
 
 
 def of_scene(
-    method: Callable[Concatenate[Scene, Asked], Told],
-) -> Callable[Concatenate[Scene | PathLike, Asked], Told]:
+    method: Callable[Concatenate[Scene, Passed], Told],
+) -> Callable[Concatenate[Scene | PathLike, Passed], Told]:
     """Make a method of `Scene` a function, whose first argument is a scene or a store's path."""
 
-    def function(scene: Scene | PathLike, *args: Asked.args, **settings: Asked.kwargs) -> Told:
+    def function(scene: Scene | PathLike, *args: Passed.args, **settings: Passed.kwargs) -> Told:
         if isinstance(scene, Scene):
             return method(scene, *args, **settings)
         with open_scene(scene) as opened:

@@ -24,6 +24,7 @@ import time
 
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.state import Facts, SavedState, StateWriter
+from bfrt.image.film import Film
 from bfrt.image.image_buffer import ImageBuffer, resolve
 from bfrt.phases.eye import view_vectors
 from bfrt.phases.hit_order import HitLoads
@@ -65,7 +66,7 @@ class Render:
         self._resumed = None if checkpoint is None else checkpoint.found
         self._start = time.perf_counter()
         self._began = self._start  # of the depth
-        self._bad = 0
+        self._bad = -tracer.bad  # those of work before
         self._state = RenderState.first(tracer, view, stats)
         store, film = tracer.store, self._state.film
         eye = view_vectors(view.camera, store.origin)[0]
@@ -79,7 +80,7 @@ class Render:
         try:
             if self._resumed is not None:
                 state.restore(self._resumed)
-                self._bad = self._resumed.facts["bad"]
+                self._bad += self._resumed.facts["bad"]
             while True:
                 while len(state.queue) or self._resumed is not None:
                     self._one_depth()
@@ -91,6 +92,19 @@ class Render:
             state.close()
         state.stats.bad_rays = self._bad + self._tracer.bad
         return state.image
+
+    def run_band(self, row: int) -> Film:
+        """Trace the one band whose first row is `row`; return the film, with its light."""
+        state = self._state
+        state.begin_at(row)
+        self._tracer.begin(state.stats)
+        try:
+            while len(state.queue):
+                self._one_depth()
+        finally:
+            state.close()
+        state.stats.bad_rays = self._bad + self._tracer.bad
+        return state.film
 
     def _one_depth(self) -> None:
         """Trace the waiting rays, and shade their hits; or the rest of that."""

@@ -610,7 +610,7 @@ def test_a_folder_that_cannot_be_is_found_before_tracing(
     for key in ("t_hit", "occluded", "counts"):
         (tmp_path / "taken" / f"{key}.npy").mkdir(parents=True)
     before = sorted(tmp_path.rglob("*"))
-    monkeypatch.setattr(spheres, "_session", lambda settings: pytest.fail("tracing"))
+    monkeypatch.setattr(spheres._session, "tracer", lambda settings: pytest.fail("tracing"))
     for name in ("cast_rays", "occluded", "count_intersections", "list_intersections"):
         with pytest.raises(SettingError, match=what) as caught:
             getattr(spheres, name)(np.zeros((1, 3)), np.ones((1, 3)), out=f"{tmp_path}/{place}")

@@ -1,0 +1,124 @@
+"""A frame on many workers: each renders bands of rows, and the client puts their films together."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from bfrt.cluster.asked import Asked
+from bfrt.cluster.counters import Part, summed
+from bfrt.cluster.place import Place
+from bfrt.cluster.reports import TaskReport
+from bfrt.cluster.watching import Watch
+from bfrt.cluster.work import Prepared, Work
+from bfrt.cluster.worker import this_worker
+from bfrt.image.film import Film
+from bfrt.image.film_bands import Planes, add_band
+from bfrt.image.frame import FRAME_PART, FrameSize
+from bfrt.image.image_buffer import ImageBuffer
+from bfrt.image.picture import Image
+from bfrt.memory import default_memory
+from bfrt.phases.eye import count_eye_rays
+from bfrt.progress import Report
+from bfrt.rendering import band_of, describe, tell_of_bad_rays
+from bfrt.settings import scratch_folder
+from bfrt.stats import Stats
+from bfrt.store.store import Store
+from bfrt.view import View
+
+#: The film of a band, and the counters of its worker.
+Band = tuple[Planes, Part]
+
+
+@dataclass(frozen=True)
+class Preparing:
+    """Gets a store ready for a frame that so many workers share, as a task."""
+
+    work: Work
+    frame: FrameSize
+
+    def __call__(self, workers: int) -> Prepared:
+        return self.work.prepare(self.frame, workers)
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """Renders bands of a frame, as a task for each.
+
+    Attributes
+    ----------
+    work : Work
+    view : View
+    rows : int
+        Of each band.
+    topic : str, optional
+        Where messages go.
+    """
+
+    work: Work
+    view: View
+    rows: int
+    topic: str | None
+
+    def __call__(self, number: int) -> Band:
+        frame = self.view.frame._replace(band=self.rows)
+        report = TaskReport(self.topic, number)
+        with self.work.begun() as (session, settings):
+            with session.tracer(settings, frame) as tracer:
+                planes, stats = band_of(tracer, self.view, number * self.rows, report)
+            return planes, (this_worker().name, stats)
+
+
+def render(client: Any, store: Store, view: View, asked: Asked, report: Report | None) -> Image:
+    """Render a view on the workers of a cluster, as `bfrt.render` does here.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    store : Store
+    view : View
+    asked : Asked
+    report : Report, optional
+        Gets the sum over all bands.
+
+    Raises
+    ------
+    StoreError, BudgetError, SettingError, Cancelled, DiskFullError, StreamError
+        As `bfrt.render`; those of a store or a budget name the worker.
+    """
+    start = time.perf_counter()
+    work, frame = Work(Place.of(store), asked), view.frame
+    width, height = view.camera.resolution
+    with Watch(client, count_eye_rays(width, height, view.samples), report) as watch:
+        workers = max(1, len(client.nthreads()))
+        (preparing,) = watch.begin(Preparing(work, frame), [workers], "prepare")
+        prepared: Prepared = watch.result(preparing)
+        task = Rendering(work.with_budget(prepared), view, prepared.rows, watch.topic)
+        film = Film(width, height, view.samples, prepared.rows, view.aovs)
+        image = ImageBuffer(width, height, scratch_of(store, view))
+        parts = [prepared.part]
+        numbers = range(-(-height // prepared.rows))
+        for number, future in enumerate(watch.begin(task, numbers, "band")):
+            planes, part = watch.result(future)
+            add_band(film, planes, image)
+            parts.append(part)
+            watch.through(number, rays_of(part[1]))
+    stats = summed(parts)
+    stats.settings = dict(part[1].settings)
+    stats.total.seconds = time.perf_counter() - start
+    tell_of_bad_rays(stats)
+    return Image(image.channels(), describe(store, view), stats)
+
+
+def scratch_of(store: Store, view: View) -> Any:
+    """Return the client's folder for a picture that its memory has no room for; else None."""
+    if view.frame.whole_bytes <= FRAME_PART * default_memory():
+        return None
+    return scratch_folder(None, store.path)
+
+
+def rays_of(stats: Stats) -> int:
+    """Return the number of rays of all kinds and depths."""
+    rays = stats.total.rays
+    return rays.eye + rays.reflection + rays.refraction + rays.shadow

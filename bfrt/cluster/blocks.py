@@ -1,0 +1,233 @@
+"""Ray queries of dask arrays: a task for each block of rays, and dask arrays of the answer.
+
+::
+
+    origins ──┐
+    directions┼─► a task a block ─┬─► t_hit            each block's own rows
+    t_min ... ┘    (all its keys) ├─► primitive_ids
+    marks, made once ──┘          └─► counters ─► their sum
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.cluster.asked import Asked
+from bfrt.cluster.counters import ClusterStats, Part, summed
+from bfrt.cluster.engine import dask_array
+from bfrt.cluster.lazy_answer import LazyAnswer, answer_of
+from bfrt.cluster.lazy_rays import LazyRays, lazy_rays
+from bfrt.cluster.place import Place
+from bfrt.cluster.reports import TaskReport
+from bfrt.cluster.work import Prepared, Work, ready
+from bfrt.cluster.worker import this_worker
+from bfrt.errors import SettingError
+from bfrt.queries import casting
+from bfrt.queries.answers import Fields
+from bfrt.queries.casting import RowPerHit, RowPerRay
+from bfrt.queries.question import Question
+from bfrt.settings import TREE
+from bfrt.store.store import Store
+
+#: The queries by their names.
+QUERIES: dict[str, RowPerRay | RowPerHit] = {
+    "cast_rays": casting.NEAREST,
+    "occluded": casting.ANY_HIT,
+    "count_intersections": casting.COUNT,
+    "list_intersections": casting.LIST,
+}
+
+#: The key of a block's counters, beside those of its arrays.
+COUNTERS = "counters"
+
+SPLITS = "ray_splits"
+
+
+class Local(NamedTuple):
+    """Holds what a caller asks for that only queries of arrays in memory have.
+
+    Attributes
+    ----------
+    out, progress, checkpoint
+        As for `bfrt.cast_rays`.
+    """
+
+    out: object
+    progress: object
+    checkpoint: object
+
+    def check(self) -> None:
+        """Refuse them.
+
+        Raises
+        ------
+        SettingError
+            For the first that is asked for.
+        """
+        instead = {
+            "out": "None: dask.array.store and to_zarr write dask arrays",
+            "progress": "False: dask.diagnostics.ProgressBar and distributed.progress show it",
+            "checkpoint": "None: dask.persist keeps what is computed",
+        }
+        for name, expected in instead.items():
+            value = getattr(self, name)
+            if value is not None and value is not False:
+                raise SettingError(f"{name}: found one with dask arrays, expected {expected}")
+
+
+@dataclass(frozen=True)
+class BlockQuery:
+    """Asks about the rays of one block, as a task.
+
+    Attributes
+    ----------
+    work : Work
+    name : str
+        The query.
+    """
+
+    work: Work
+    name: str
+
+    def __call__(
+        self, origins: Any, directions: Any, t_min: Any, t_max: Any, first: Any, prepared: Any
+    ) -> dict[str, Any]:
+        """Return the arrays of the answer, with the counters beside them.
+
+        Parameters
+        ----------
+        origins, directions : list of one (n, 3) ndarray
+            As Dask hands over blocks of which the rows are whole.
+        t_min, t_max : float or (n,) ndarray
+        first : (1,) ndarray, or None
+            The number of the block's first ray, where rays are numbered.
+        prepared : Prepared, or None
+            What marks were made for, where there are any.
+        """
+        (o,), (d,) = origins, directions
+        question = Question(o, d, t_min, t_max, None, TaskReport())
+        work = self.work if prepared is None else self.work.with_budget(prepared)
+        with work.begun() as (session, settings):
+            answer = QUERIES[self.name].answer(session.tracer, question, settings)
+        if first is not None:
+            answer["ray_ids"] += first[0]
+        return {**answer, COUNTERS: (this_worker().name, answer.stats)}
+
+
+def lazy_answer(
+    name: str, store: Store, given: tuple[Any, Any, Any, Any], asked: Asked, local: Local
+) -> LazyAnswer:
+    """Return what a query of dask arrays will answer.
+
+    Parameters
+    ----------
+    name : str
+        The query, one of `QUERIES`.
+    store : Store
+    given : tuple
+        Origins, directions, t_min and t_max; some of them are dask arrays.
+    asked : Asked
+    local : Local
+
+    Raises
+    ------
+    SettingError
+        If rays have other shapes or dtypes, or something is asked for that is not to be had.
+    """
+    local.check()
+    rays, work = lazy_rays(*given), Work(Place.of(store), asked)
+    listed = name == "list_intersections"
+    prepared = None if asked.refine == TREE else _prepared(work)
+    blocks = _blocks(BlockQuery(work, name), rays, rays.firsts() if listed else None, prepared)
+    if listed:
+        arrays = {SPLITS: _splits(blocks), **_columns(blocks, casting.LISTED, sized=False)}
+    else:
+        query = QUERIES[name]
+        assert isinstance(query, RowPerRay)
+        arrays = _columns(blocks, query.fields, sized=True)
+    return answer_of(arrays, _counters(blocks, prepared))
+
+
+def _prepared(work: Work) -> Any:
+    """Return the task that all blocks wait for: it makes marks where there are none."""
+    from dask import delayed
+
+    return delayed(functools.partial(ready, work), pure=True)()
+
+
+def _blocks(query: BlockQuery, rays: LazyRays, firsts: Any, prepared: Any) -> Any:
+    """Return the answers of all blocks, each a dict, as the blocks of a dask array."""
+    pairs: list[Any] = [rays.origins, "ix", rays.directions, "ix"]
+    for column in (rays.t_min, rays.t_max, firsts):
+        pairs += [column, "i" if hasattr(column, "chunks") else None]
+    return dask_array().blockwise(
+        query, "i", *pairs, prepared, None, dtype=object, meta=np.empty(0, object),
+        token=f"bfrt-{query.name}", align_arrays=False,
+    )  # fmt: skip
+
+
+def _columns(blocks: Any, fields: Fields, *, sized: bool) -> dict[str, Any]:
+    """Return the arrays of an answer; where they have a row a hit nobody knows how many."""
+    return {
+        key: _column(blocks, key, dtype, shape, sized=sized)
+        for key, (dtype, shape) in fields.items()
+    }
+
+
+def _column(blocks: Any, key: str, dtype: Any, shape: tuple[int, ...], *, sized: bool) -> Any:
+    axes = "ik"[: 1 + len(shape)]
+    return dask_array().blockwise(
+        column_of, axes, blocks, "i", key, None,
+        new_axes=dict(zip("k", shape, strict=False)),
+        adjust_chunks=None if sized else {"i": math.nan},
+        dtype=dtype, meta=np.empty((0,) * len(axes), dtype), token=f"bfrt-{key}",
+    )  # fmt: skip
+
+
+def _splits(blocks: Any) -> Any:
+    """Return where the hits of each ray begin, through all blocks."""
+    da = dask_array()
+    counts = da.blockwise(
+        counts_of, "i", blocks, "i",
+        dtype=np.int64, meta=np.empty(0, np.int64), token="bfrt-counts",
+    )  # fmt: skip
+    return da.concatenate([da.zeros(1, dtype=np.int64, chunks=1), da.cumsum(counts, axis=0)])
+
+
+def _counters(blocks: Any, prepared: Any) -> Any:
+    """Return the sum of the counters of all blocks, for Dask to compute."""
+    from dask import delayed
+
+    part = delayed(part_of, pure=True)
+    parts = [part(block) for block in blocks.to_delayed(optimize_graph=False)]
+    return delayed(all_counters, pure=True)(parts, prepared)
+
+
+def column_of(answer: Mapping[str, Any], key: str) -> NDArray[Any]:
+    """Return one array of a block's answer."""
+    column: NDArray[Any] = answer[key]
+    return column
+
+
+def counts_of(answer: Mapping[str, Any]) -> NDArray[np.int64]:
+    """Return the number of hits of each ray of a block."""
+    counts: NDArray[np.int64] = np.diff(answer[SPLITS])
+    return counts
+
+
+def part_of(answer: Mapping[str, Any]) -> Part:
+    """Return the counters of a block."""
+    part: Part = answer[COUNTERS]
+    return part
+
+
+def all_counters(parts: list[Part], prepared: Prepared | None) -> ClusterStats:
+    """Return the sum of the counters of all blocks, and of preparing."""
+    return summed(parts if prepared is None else [prepared.part, *parts])

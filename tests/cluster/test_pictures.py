@@ -1,0 +1,176 @@
+"""Pictures of a cluster are those of one process, bit for bit, however frames are divided."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from cluster_fixtures import (
+    MEMORY,
+    NEEDED,
+    assert_same_picture,
+    build,
+    cluster_of,
+    executing,
+    wait_until,
+)
+
+import bfrt
+from bfrt.cluster.work import rows_of_bands
+from bfrt.image.frame import FrameSize
+
+pytest.importorskip("distributed", reason=NEEDED)
+
+#: A refinement, and the order of a store for it.
+WAYS = {"base": "given", "sgb": "given", "tree": "spatial"}
+
+
+@pytest.fixture(params=WAYS)
+def asked(request, paths):
+    """A scene, and settings for it."""
+    with bfrt.open(paths[WAYS[request.param]]) as scene:
+        yield scene, {"refine": request.param, "memory": MEMORY}
+
+
+@pytest.fixture
+def one(paths):
+    """A scene, and settings for it, where any way will do."""
+    with bfrt.open(paths["spatial"]) as scene:
+        yield scene, {"refine": "tree", "memory": MEMORY}
+
+
+@pytest.mark.parametrize("samples", [None, 2])
+def test_two_workers_make_the_picture(shared_client, asked, samples):
+    scene, settings = asked
+    view = {"samples": samples, "aovs": ("position", "albedo")}
+    expected = scene.render(**settings, **view)
+    found = scene.render(**settings, **view, client=shared_client)
+    assert_same_picture(found, expected)
+    rays = found.stats.total.rays
+    assert rays.reflection and rays.refraction and rays.shadow
+    assert len(found.stats.depths) == len(expected.stats.depths)
+    for mine, theirs in zip(found.stats.depths, expected.stats.depths, strict=True):
+        assert mine.rays == theirs.rays
+
+
+def test_one_worker_makes_the_picture(asked):
+    scene, settings = asked
+    expected = scene.render(**settings)
+    with cluster_of(1, processes=False, threads=2) as client:
+        assert_same_picture(scene.render(**settings, client=client), expected)
+        # The function that takes a path, and the current client.
+        assert_same_picture(bfrt.render(scene.path, **settings, client=True), expected)
+
+
+def test_a_frame_that_memory_does_not_hold(shared_client, one):
+    """Rows of a band are as many as a worker's memory holds, down to a few."""
+    scene, settings = one
+    camera = dataclasses.replace(scene.camera, resolution=(700, 160))
+    settings = {**settings, "camera": camera, "depth": 1, "memory": "64MiB", "threads": 1}
+    expected = scene.render(**settings)
+    assert scene.plan(**settings).bands > 8
+    assert_same_picture(scene.render(**settings, client=shared_client), expected)
+
+
+def test_a_frame_of_one_row(shared_client, one):
+    scene, settings = one
+    camera = dataclasses.replace(scene.camera, resolution=(30, 1))
+    expected = scene.render(**settings, camera=camera)
+    assert_same_picture(scene.render(**settings, camera=camera, client=shared_client), expected)
+
+
+@pytest.mark.parametrize(
+    ("height", "most", "rays", "workers", "rows"),
+    [
+        (100, 100, 10**6, 1, 100),  # one worker, and memory for all rays at once
+        (100, 100, 10**6, 2, 25),  # two bands each
+        (100, 100, 100 * 101, 8, 7),  # two each: no more are worth it
+        (100, 100, 1000, 2, 13),  # more rays than memory holds: four each
+        (100, 100, 1, 1, 25),
+        (100, 3, 10**6, 2, 3),  # no more rows than memory holds
+        (3, 3, 10**6, 64, 1),  # no band without a row
+    ],
+)
+def test_how_a_frame_is_divided(height, most, rays, workers, rows):
+    assert rows_of_bands(FrameSize(100, height, 1), most, rays, workers) == rows
+
+
+def test_marks_are_made_by_one_worker(shared_client, tmp_path):
+    scene = build(tmp_path / "new.bfrt", "given")
+    image = scene.render(refine="sgb", memory=MEMORY, client=shared_client)
+    made = [w for w in image.stats.workers.values() if w.total.phases.preprocess.bytes_read]
+    assert len(made) == 1 and not image.stats.marks_reused
+    assert len(image.stats.workers) == 2
+    again = scene.render(refine="sgb", memory=MEMORY, client=shared_client)
+    assert again.stats.marks_reused and not again.stats.total.phases.preprocess.bytes_read
+    fresh = scene.render(refine="sgb", memory=MEMORY, fresh_marks=True, client=shared_client)
+    made = [w for w in fresh.stats.workers.values() if w.total.phases.preprocess.bytes_read]
+    assert len(made) == 1 and not fresh.stats.marks_reused
+    assert_same_picture(fresh, image)
+
+
+def test_counters_are_the_sum_of_all_workers(shared_client, one):
+    scene, settings = one
+    stats = scene.render(**settings, client=shared_client).stats
+    workers = stats.workers.values()
+    for name in ("object_tests", "box_tests", "node_tests", "passes", "voxel_steps"):
+        assert getattr(stats.total, name) == sum(getattr(w.total, name) for w in workers)
+    assert stats.total.rays.eye == sum(w.total.rays.eye for w in workers) == 49 * 41
+    assert stats.peak_rss_bytes == max(w.peak_rss_bytes for w in workers) > 0
+    told = stats.as_dict()
+    assert list(told["workers"]) == list(stats.workers)
+    assert told["settings"]["refine"] == settings["refine"] and told["settings"]["depth"] == 5
+    assert "peak memory" in stats.table()
+
+
+def test_progress_is_the_sum_of_all_bands(shared_client, one):
+    scene, settings = one
+    told = []
+    image = scene.render(**settings, client=shared_client, progress=told.append)
+    assert {(p.depth, p.band, p.bands) for p in told} == {(1, 1, 1)}
+    done = [p.done for p in told]
+    assert done == sorted(done)
+    rays = image.stats.total.rays
+    assert done[-1] == told[-1].total
+    assert told[-1].total == rays.eye + rays.reflection + rays.refraction + rays.shadow
+
+
+@pytest.mark.parametrize("answer", [False, np.False_])
+def test_a_report_cancels_all_tasks(shared_client, one, answer):
+    scene, settings = one
+    camera = dataclasses.replace(scene.camera, resolution=(300, 300))
+    with pytest.raises(bfrt.Cancelled, match="rays finished"):
+        scene.render(**settings, camera=camera, client=shared_client, progress=lambda _: answer)
+    wait_until(lambda: not any(shared_client.run(executing).values()))
+    assert not any(shared_client.processing().values())
+    assert not shared_client.futures
+
+
+def test_an_interrupt_cancels_all_tasks(shared_client, one):
+    scene, settings = one
+
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    camera = dataclasses.replace(scene.camera, resolution=(300, 300))
+    with pytest.raises(KeyboardInterrupt):
+        scene.render(**settings, camera=camera, client=shared_client, progress=interrupt)
+    wait_until(lambda: not any(shared_client.run(executing).values()))
+    assert not any(shared_client.processing().values())
+    expected = scene.render(**settings)
+    assert_same_picture(scene.render(**settings, client=shared_client), expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2, 4])
+def test_all_standard_scenes(tmp_path, workers):
+    with cluster_of(workers) as client:
+        for name in bfrt.spd.NAMES:
+            for order, ways in (("given", ("base", "sgb")), ("spatial", ("tree",))):
+                scene = bfrt.spd.scene(name, 3).write(tmp_path / f"{name}.bfrt", order=order)
+                camera = dataclasses.replace(scene.camera, resolution=(96, 96))
+                for refine in ways:
+                    settings = {"refine": refine, "memory": MEMORY, "camera": camera}
+                    expected = scene.render(**settings)
+                    assert_same_picture(scene.render(**settings, client=client), expected)
