@@ -8,9 +8,11 @@ from typing import Any
 
 from bfrt.checkpoint.checkpoint import Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of_conversion
+from bfrt.cluster.engine import client_of
+from bfrt.conversion.by_workers import by_workers
 from bfrt.conversion.kept import EVERY, KeptConversion, check_can_be_kept, find_state
-from bfrt.conversion.sharding import Sharding, is_sharded, one_by_one, refuse_checkpoint
-from bfrt.conversion.sources import sources_of
+from bfrt.conversion.sharding import Make, Sharding, is_sharded, one_by_one, refuse_checkpoint
+from bfrt.conversion.sources import SceneSource, sources_of
 from bfrt.conversion.writing import Conversion, write_scene, writing_of
 from bfrt.formats.reading import Reading, Uses
 from bfrt.memory import default_memory, parse_memory
@@ -47,6 +49,7 @@ def convert(
     checkpoint: PathLike | Checkpoint | None = None,
     every: float = EVERY,
     shards: int | None = None,
+    client: Any = None,
 ) -> Scene:
     """Convert scene files to a scene store, or to a sharded scene of several, streaming.
 
@@ -126,6 +129,11 @@ def convert(
     shards : int, optional
         Number of the stores of a sharded scene, each of some files in order; by default one for
         each file. Groups, ids and pictures do not depend on it.
+    client : distributed.Client or True, optional
+        Have the workers of a Dask cluster make the shards, each by one worker, which reads its
+        files itself; True is the current client. Files and target are where all machines see them.
+        `memory` is each worker's, and by default a quarter of its limit; `progress` counts the
+        files whose shards are complete.
 
     Returns
     -------
@@ -171,9 +179,9 @@ def convert(
     writing = writing_of(sources, target, dtype, hierarchy, order)
     conversion = Conversion(sources, reading, budget, writing, durable)
     with in_memory(f"{conversion.names}: converting", budget):
-        if is_sharded(target, shards):
+        if is_sharded(target, shards, client):
             refuse_checkpoint(checkpoint)
-            scene = Sharding(conversion, shards, asked).run(one_by_one(sources, progress))
+            scene = Sharding(conversion, shards, asked).run(maker_of(sources, client, progress))
         elif checkpoint is None:
             scene = write_scene(conversion, progress)
         else:
@@ -181,6 +189,13 @@ def convert(
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
+
+
+def maker_of(sources: tuple[SceneSource, ...], client: Any, progress: DoneReport | None) -> Make:
+    """Return what makes shards: this process, or the workers of a client."""
+    if client is None:
+        return one_by_one(sources, progress)
+    return by_workers(client_of(client), sources, progress)
 
 
 def go_on(

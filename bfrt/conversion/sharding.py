@@ -223,18 +223,23 @@ class Sharding:
                     remove_file(each)
 
 
-def is_sharded(target: PathLike, shards: int | None) -> bool:
+def is_sharded(target: PathLike, shards: int | None, client: object) -> bool:
     """Tell whether a target is a sharded scene, as its suffix says.
 
     Raises
     ------
     SettingError
-        If it is not, and a number of shards is asked for.
+        If it is not, and a number of shards is asked for, or a cluster.
     """
     path = path_of("store", target)
     if path.suffix != SUFFIX and shards is not None:
         raise SettingError(
             f"shards: found {shards!r:.80} for {path}, expected a target with suffix {SUFFIX}"
+        )
+    if path.suffix != SUFFIX and client is not None:
+        raise SettingError(
+            f"client: found one for {path}, expected a target with suffix {SUFFIX}: each worker "
+            "makes a store"
         )
     return path.suffix == SUFFIX
 

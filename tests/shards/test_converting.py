@@ -12,7 +12,8 @@ import sys
 import numpy as np
 import pytest
 from ply_files import mesh as ply_mesh
-from sharded_scenes import SMALL, assert_same_answer, assert_same_picture, rays
+from shard_files import ASKED, FAR, made_at, names_in, rays_here, snapshots
+from sharded_scenes import SMALL, assert_same_answer, assert_same_picture
 
 import bfrt
 from bfrt.cli import main
@@ -22,34 +23,7 @@ from bfrt.errors import BfrtError, Cancelled, SceneError, SettingError
 
 @pytest.fixture
 def files(tmp_path):
-    """Five files of spheres, NumPy's, in float64, far from the origin; two are empty."""
-    made = []
-    for number, count in enumerate([0, 40, 0, 160, 200]):
-        rng = np.random.default_rng(number)
-        path = tmp_path / f"snapshot{number}.npy"
-        np.save(path, rng.uniform(-5, 5, (count, 3)) + FAR)
-        made.append(path)
-    return made
-
-
-#: Where the objects are.
-FAR = np.array([1e5, 2e5, 0.0])
-
-ASKED = {"radius": 0.5, "durable": False}
-
-
-def names_in(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
-def made_at(path):
-    """When a store's header, or a file, was written."""
-    return (path / "scene.json" if path.is_dir() else path).stat().st_mtime_ns
-
-
-def rays_here():
-    origins, directions = rays()
-    return origins + FAR, directions
+    return snapshots(tmp_path)
 
 
 @pytest.mark.parametrize("shards", [None, 1, 2, 4])
