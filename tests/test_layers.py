@@ -39,6 +39,7 @@ LAYERS = [
     {"planning"},
     {"queries"},
     {"cluster"},
+    {"wavefront"},
     {"scene", "cleaning"},
     {"spd"},
     {"conversion"},

@@ -20,6 +20,7 @@ from bfrt.records import MATERIAL_BYTES
 from bfrt.shards.folders import ShardFolders
 from bfrt.shards.manifest import SUFFIX, Manifest, Shard, ShardStream, read_manifest
 from bfrt.store.file_facts import FileFacts
+from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.store import Group, Store, open_store
 
 #: The marks of a shard's group as a part of a whole scene, whose boxes are padded by its bounds.
@@ -188,7 +189,7 @@ def joined(
         lights=list(manifest.lights),
         background=manifest.background,
         palette=FileFacts(materials * MATERIAL_BYTES, zlib.crc32(palettes)),
-        hierarchy=stores[0].hierarchy,
+        hierarchy=stores[0].hierarchy if stores else Hierarchy(),
         hierarchy_seconds=sum(store.hierarchy_seconds for store in stores),
         checksum=manifest.checksum,
         header_bytes=len(text),
