@@ -41,6 +41,7 @@ LAYERS = [
     {"cluster"},
     {"wavefront"},
     {"scene", "cleaning"},
+    {"sharded"},
     {"spd"},
     {"conversion"},
     {"api"},

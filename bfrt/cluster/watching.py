@@ -75,14 +75,17 @@ class Watch:
         what : str
             What keys are made of: another for each call.
         workers : sequence of str, optional
-            Addresses of those that may; by default all.
+            Addresses of those that had best do it: others do where these have ended.
 
         Returns
         -------
         list of distributed.Future
         """
         keys = [f"bfrt-{what}-{self._name}-{number}" for number in range(len(given))]
-        futures: list[Any] = self._client.map(task, given, key=keys, pure=False, workers=workers)
+        futures: list[Any] = self._client.map(
+            task, given, key=keys, pure=False, workers=workers,
+            allow_other_workers=workers is not None,
+        )  # fmt: skip
         self._futures.update(zip(keys, futures, strict=True))
         for future in futures:
             future.add_done_callback(self._heard.put)
