@@ -36,13 +36,13 @@ def drop(path: Path) -> None:
 
 
 @contextmanager
-def memory_cap(amount: int) -> Iterator[Path | None]:
+def memory_cap(amount: int, name: str = "") -> Iterator[Path | None]:
     """A memory cgroup of `amount` bytes: its folder; None where none can be made.
 
-    It takes root, and cgroups of version 1 or 2.
+    It takes root, and cgroups of version 1 or 2. Where there are several at once each has a name.
     """
     root, limit = (V1, "memory.limit_in_bytes") if V1.is_dir() else (V2, "memory.max")
-    group = root / f"bfrt-{os.getpid()}"
+    group = root / f"bfrt-{os.getpid()}{name}"
     try:
         if root == V2:
             (V2 / "cgroup.subtree_control").write_text("+memory")

@@ -195,6 +195,7 @@ class Bar:
                 unit_scale=True,
                 disable=None,
             )
+        self._bar.total = progress.total  # which may grow
         self._bar.update(progress.done - self._bar.n)
 
     def _close(self) -> None:

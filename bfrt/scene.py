@@ -491,7 +491,8 @@ class Scene:
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
             any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays.
+            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
+            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -570,7 +571,8 @@ class Scene:
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
             any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays.
+            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
+            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -641,7 +643,8 @@ class Scene:
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
             any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays.
+            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
+            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -709,7 +712,8 @@ class Scene:
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
             any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays.
+            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
+            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.

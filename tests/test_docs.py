@@ -12,7 +12,7 @@ import pytest
 import bfrt
 from bfrt import records
 from bfrt.cli import parser
-from bfrt.stats import Stats
+from bfrt.cluster.counters import ClusterStats
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SUFFIXES = {".py", ".pyi", ".pyx", ".pxd"}
@@ -55,7 +55,7 @@ def keys(counts):
 
 
 def test_every_counter_is_on_the_page():
-    counted = Stats(objects=0, scene_bytes=0, settings={}).as_dict()
+    counted = ClusterStats(objects=0, scene_bytes=0, settings={}).as_dict()
     text = page("counters")
     assert [key for key in keys(counted) if f"``{key}``" not in text] == []
 

@@ -41,6 +41,8 @@ class Watch:
         self._name = uuid.uuid4().hex
         self.topic = None if report is None else f"bfrt-{self._name}"
         self._heard: SimpleQueue[Any] = SimpleQueue()
+        self._tasks = 0
+        self._through: set[int] = set()
         self._far: dict[int, Told] = {}
         self._done = 0
         self._futures: dict[str, Any] = {}  # that are not through, by their keys
@@ -89,6 +91,7 @@ class Watch:
         self._futures.update(zip(keys, futures, strict=True))
         for future in futures:
             future.add_done_callback(self._heard.put)
+        self._tasks = len(given)
         return futures
 
     def result(self, future: Any) -> Any:
@@ -118,11 +121,13 @@ class Watch:
                 heard.result()
             return
         told = Told(*heard)
-        self._far[told.task] = told
-        self._tell_all()
+        if told.task not in self._through:  # messages may come after the result
+            self._far[told.task] = told
+            self._tell_all()
 
     def through(self, task: int, rays: int) -> None:
         """Count a task as through, which has traced so many rays in all."""
+        self._through.add(task)
         self._far[task] = Told(task, rays, rays)
         self._tell_all()
 
@@ -131,5 +136,7 @@ class Watch:
             return
         # A task that another worker begins again is less far than it was; the sum does not fall.
         self._done = max(self._done, sum(told.done for told in self._far.values()))
-        known = max(self._rays, self._done, sum(told.known for told in self._far.values()))
+        known = sum(told.known for told in self._far.values())
+        known += self._rays * (self._tasks - len(self._far)) // max(1, self._tasks)  # not begun
+        known = max(known, self._done)
         tell(self._report, Progress(1, self._done, known))

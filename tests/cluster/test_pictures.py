@@ -133,6 +133,7 @@ def test_progress_is_the_sum_of_all_bands(shared_client, one):
     assert done == sorted(done)
     rays = image.stats.total.rays
     assert done[-1] == told[-1].total
+    assert all(p.total == told[-1].total for p in told if p.done == p.total)
     assert told[-1].total == rays.eye + rays.reflection + rays.refraction + rays.shadow
 
 

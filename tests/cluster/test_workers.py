@@ -11,6 +11,7 @@ import signal
 import threading
 import time
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 from cluster_fixtures import (
@@ -29,8 +30,10 @@ from cluster_fixtures import (
 from running import thread_names
 
 import bfrt
-from bfrt.cluster import reports, stores
+from bfrt.cluster import reports, stores, worker
+from bfrt.cluster.asked import Asked
 from bfrt.errors import BudgetError, StoreError
+from bfrt.memory import MOST
 
 pytest.importorskip("distributed", reason=NEEDED)
 import dask
@@ -135,6 +138,39 @@ def test_the_default_budget_is_a_quarter_of_the_workers(shared_client, scene):
     image = scene.render(client=shared_client)
     assert image.stats.settings["memory"] <= (1 << 30) // 4
     assert image.stats.settings["threads"] == 1
+
+
+class Pretended:
+    """A worker of Dask's, as far as it is asked."""
+
+    name, address, plugins = 5, "tcp://far:1", {}
+
+    def __init__(self, limit, pause):
+        self.memory_manager = SimpleNamespace(memory_limit=limit, memory_pause_fraction=pause)
+        self.state = SimpleNamespace(nthreads=3)
+
+
+@pytest.mark.parametrize(
+    ("limit", "pause", "groups", "default", "most"),
+    [
+        (4000, 0.8, [], 1000, 3200),
+        (4000, False, [], 1000, 4000),  # one that is never paused
+        (4000, 0.8, [3000, 2000], 500, 2000),  # in a cgroup of less
+        (None, 0.8, [2000], 500, 2000),  # one without a limit
+        (None, 0.8, [], 2500, MOST),
+    ],
+)
+def test_what_a_worker_may_take(monkeypatch, limit, pause, groups, default, most):
+    monkeypatch.setattr(worker, "running", lambda: Pretended(limit, pause))
+    monkeypatch.setattr(worker, "cgroup_limits", lambda: groups)
+    monkeypatch.setattr(worker, "default_memory", lambda: min([10_000, *groups]) // 4)
+    found = worker.this_worker()
+    assert found == ("worker 5 (tcp://far:1)", 3, default, most)
+    asked = Asked(None, None, "tree", None, None, None, None)
+    assert asked.settings(found).memory == default and asked.settings(found).threads == 3
+    if most < MOST:
+        with pytest.raises(BudgetError, match=r"worker 5 \(tcp://far:1\) is paused or ended"):
+            dataclasses.replace(asked, memory=most + 1).settings(found)
 
 
 def test_a_scratch_folder_that_a_worker_has_not(shared_client, scene, tmp_path):
