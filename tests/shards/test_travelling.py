@@ -12,6 +12,7 @@ from sharded_scenes import QUERIES, WAYS, assert_same_answer, both, rays, store_
 
 import bfrt
 from bfrt.errors import BudgetError, Cancelled, SettingError, StoreError
+from bfrt.shards.joining import join
 from bfrt.wavefront import flight
 
 pytest.importorskip("distributed", reason=NEEDED)
@@ -30,7 +31,7 @@ def small_blocks(monkeypatch):
     monkeypatch.setattr(flight, "BLOCK", 300)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", ["base", "sgb", "tree"])
 def test_answers_are_those_of_one_store(scenes, way, shared_client, tmp_path):
     one, sharded = scenes[WAYS[way]]
     far = bfrt.open(sharded.path, client=shared_client)
@@ -61,8 +62,6 @@ def test_coincident_objects_tie_by_their_ids(tmp_path, shared_client):
     """The same group in each shard: of all hits at one t the least id counts."""
     for number in range(3):
         store_of(tmp_path / f"{number}.bfrt", [4])
-    from bfrt.shards.joining import join
-
     stores = [bfrt.open(tmp_path / f"{number}.bfrt").store for number in range(3)]
     join(tmp_path / "scene.bfrts", stores)
     far = bfrt.open(tmp_path / "scene.bfrts", client=shared_client)
@@ -103,6 +102,14 @@ def test_answers_go_to_arrays_and_files(scenes, shared_client, tmp_path):
     assert_same_answer(listed, one.list_intersections(*rays(), **SMALL))
     with pytest.raises(SettingError, match="expected arrays or files"):
         far.cast_rays([rays()], **SMALL)
+
+
+def test_a_frame_is_rendered_by_workers_that_open_all_shards(scenes, shared_client):
+    one, sharded = scenes["spatial"]
+    found = sharded.render(client=shared_client, memory="160MiB")
+    expected = one.render(memory="160MiB", threads=1)
+    for name, pixels in expected.channels.items():
+        np.testing.assert_array_equal(found.channels[name], pixels, err_msg=name)
 
 
 def test_the_scene_is_described(scenes, shared_client):
