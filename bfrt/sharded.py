@@ -131,7 +131,8 @@ class ShardedScene:
         memory, threads : optional
             Each worker's; by default a quarter of its limit, and all its threads.
         refine, grid, max_grid, scratch
-            As for `Scene.cast_rays`. `scratch` is a folder that each worker has.
+            As for `Scene.cast_rays`. `scratch` is a folder that each worker has; by default its own
+            on its disk.
 
         Returns
         -------

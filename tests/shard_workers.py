@@ -8,7 +8,11 @@ import threading
 import time
 from pathlib import Path
 
+from bfrt.cluster.asked import Asked
+from bfrt.cluster.worker import running
 from bfrt.conversion import by_workers
+from bfrt.wavefront.carriers import ShardPlace
+from bfrt.wavefront.tasks import Find, Trace
 
 #: Seconds that a task waits for its end.
 LONG = 60.0
@@ -28,6 +32,13 @@ def make_shard_at_last(task):
     if task.number == 3:
         noted_and_ended(task.writing.target.parent.with_name("note"))
     return by_workers.make_shard(task)
+
+
+def spilled(path, checksum):
+    """Where a task of this worker spills, and the worker's own folder."""
+    asked = Asked("160MiB", 1, "sgb", None, None, fresh_marks=False, scratch=None)
+    with Trace(ShardPlace(path, checksum, (0,)), asked, None, Find.ANY)._tracer() as tracer:
+        return str(tracer.scratch), str(running().local_directory)
 
 
 class Killer(threading.Thread):

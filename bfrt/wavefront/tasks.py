@@ -15,7 +15,7 @@ from bfrt.cluster.asked import Asked
 from bfrt.cluster.counters import Part
 from bfrt.cluster.reports import TaskReport
 from bfrt.cluster.stores import lent
-from bfrt.cluster.worker import this_worker
+from bfrt.cluster.worker import running, this_worker
 from bfrt.errors import SettingError
 from bfrt.phases.all_hits import AllHits
 from bfrt.progress import Progress
@@ -129,10 +129,17 @@ class Trace:
     def _tracer(self) -> Iterator[Tracer]:
         with lent(self.place) as session:
             refine = refinement_of(session.store, self.refine, self.asked)
-            settings = replace(self.asked, refine=refine).settings(this_worker())
+            asked = replace(self.asked, refine=refine, scratch=self.asked.scratch or own_disk())
+            settings = asked.settings(this_worker())
             inside = in_memory(f"{self.place.path}: tracing rays", settings.memory)
             with inside, session.tracer(settings) as tracer:
                 yield tracer
+
+
+def own_disk() -> str | None:
+    """Return the folder of this worker on its own disk, for what memory does not hold."""
+    own = running()
+    return None if own is None else str(own.local_directory)
 
 
 def refinement_of(store: Store, refine: str | None, asked: Asked) -> str:

@@ -8,6 +8,7 @@ import shutil
 import numpy as np
 import pytest
 from cluster_fixtures import NEEDED, cluster_of
+from shard_workers import spilled
 from sharded_scenes import QUERIES, WAYS, assert_same_answer, both, rays, store_of
 
 import bfrt
@@ -139,6 +140,13 @@ def test_progress_and_cancel(scenes, shared_client):
     assert [(each.done, each.total) for each in told] == [(300, 700), (600, 700), (700, 700)]
     with pytest.raises(Cancelled):
         far.cast_rays(*rays(), progress=lambda _: False, **SMALL)
+
+
+def test_what_memory_does_not_hold_is_on_the_workers_disk(scenes, shared_client):
+    sharded = scenes["given"].sharded
+    found = shared_client.submit(spilled, str(sharded.path), sharded.store.checksum).result()
+    scratch, own = found
+    assert scratch == own
 
 
 def test_a_budget_beyond_the_workers_limit(scenes, shared_client):
