@@ -16,6 +16,7 @@
       GROUP/KIND/nodes           the treelets' trees, 80 bytes a node
       GROUP/KIND/ids             the place that each object had as it was given, uint32 or uint64
       GROUP/marks                voxel marks, made by the first render
+      GROUP/shared-marks         likewise, as a shard of a larger scene (bfrt.shards)
 
 ``open`` reads the header and asks for the sizes of the files; `Store.verify` reads everything.
 """
