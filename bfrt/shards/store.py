@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
 from bfrt.ids import index_of, kind_of, object_id, stream_number, stream_of
-from bfrt.paths import is_file, path_of
+from bfrt.paths import is_file, path_of, without_links
 from bfrt.records import MATERIAL_BYTES
 from bfrt.shards.folders import ShardFolders
 from bfrt.shards.manifest import SUFFIX, Manifest, Shard, ShardStream, read_manifest
@@ -121,7 +121,9 @@ def open_shard(path: Path, manifest: Manifest, number: int) -> Store:
         As the system refuses.
     """
     shard = manifest.shards[number]
-    store = open_store(path.parent / shard.path)
+    # Shards are beside the file, not beside a link to it.
+    folder = without_links(path).parent if path.is_symlink() else path.parent
+    store = open_store(folder / shard.path)
     with store.folder.closed_on_error():
         found = facts_of(store)
         if found != shard.header:

@@ -168,6 +168,17 @@ def test_a_folder_with_all_shards_may_move(tmp_path):
     assert_same_answer(moved.cast_rays(*rays(), **SMALL), expected)
 
 
+def test_a_link_leads_to_the_shards(tmp_path):
+    _, sharded = both(tmp_path / "here", 3)
+    (tmp_path / "there").mkdir()
+    link = tmp_path / "there" / "link.bfrts"
+    link.symlink_to(sharded.path)
+    linked = bfrt.open(link)
+    assert linked.path == link
+    assert_same_answer(linked.cast_rays(*rays(), **SMALL), sharded.cast_rays(*rays(), **SMALL))
+    linked.verify()
+
+
 def test_a_missing_shard_is_named(tmp_path):
     both(tmp_path, 3)
     shutil.rmtree(tmp_path / "part1.bfrt")
