@@ -94,7 +94,7 @@ def assert_same_answer(found: bfrt.Answer, expected: bfrt.Answer) -> None:
         np.testing.assert_array_equal(found[key], array, err_msg=key)
 
 
-def wait_until(is_so, seconds: float = 20.0) -> None:
+def wait_until(is_so, seconds: float = 90.0) -> None:
     """Wait until something is so."""
     end = time.monotonic() + seconds
     while not is_so():

@@ -14,8 +14,11 @@ from contextlib import contextmanager
 
 from bfrt.cluster.place import Place
 from bfrt.cluster.worker import at_end_of_worker, this_worker
-from bfrt.errors import StoreError, StreamError
+from bfrt.errors import BfrtError, StoreError, StreamError
 from bfrt.session import Session
+
+#: Stores that stay open: a header and a descriptor each.
+MOST_OPEN = 16
 
 
 class OpenStores:
@@ -35,7 +38,7 @@ class OpenStores:
         ------
         StoreError
             If the store cannot be opened or read as the one that is meant; the message names
-            worker and path.
+            worker and path. Other errors of ours have a note with the worker's name.
         """
         with self._tracing:
             try:
@@ -43,6 +46,10 @@ class OpenStores:
             except StoreError as error:
                 self._forget(place)
                 raise StoreError(f"{this_worker().name}: {error}") from None
+            except BfrtError as error:
+                if hasattr(error, "add_note"):  # Python 3.11
+                    error.add_note(f"found by {this_worker().name}")
+                raise
 
     def _session(self, place: Place) -> Session:
         at_end_of_worker(self.close)
@@ -52,6 +59,8 @@ class OpenStores:
             elif other != place:
                 session.make_room()
         if place not in self._sessions:
+            if len(self._sessions) >= MOST_OPEN:
+                self._forget(next(iter(self._sessions)))
             try:
                 self._sessions[place] = Session(place.open())
             except StreamError as error:

@@ -101,7 +101,6 @@ def test_marks_are_made_by_one_worker(shared_client, tmp_path):
     image = scene.render(refine="sgb", memory=MEMORY, client=shared_client)
     made = [w for w in image.stats.workers.values() if w.total.phases.preprocess.bytes_read]
     assert len(made) == 1 and not image.stats.marks_reused
-    assert len(image.stats.workers) == 2
     again = scene.render(refine="sgb", memory=MEMORY, client=shared_client)
     assert again.stats.marks_reused and not again.stats.total.phases.preprocess.bytes_read
     fresh = scene.render(refine="sgb", memory=MEMORY, fresh_marks=True, client=shared_client)
@@ -144,7 +143,7 @@ def test_a_report_cancels_all_tasks(shared_client, one, answer):
     with pytest.raises(bfrt.Cancelled, match="rays finished"):
         scene.render(**settings, camera=camera, client=shared_client, progress=lambda _: answer)
     wait_until(lambda: not any(shared_client.run(executing).values()))
-    assert not any(shared_client.processing().values())
+    wait_until(lambda: not any(shared_client.processing().values()))
     assert not shared_client.futures
 
 
@@ -158,7 +157,7 @@ def test_an_interrupt_cancels_all_tasks(shared_client, one):
     with pytest.raises(KeyboardInterrupt):
         scene.render(**settings, camera=camera, client=shared_client, progress=interrupt)
     wait_until(lambda: not any(shared_client.run(executing).values()))
-    assert not any(shared_client.processing().values())
+    wait_until(lambda: not any(shared_client.processing().values()))
     expected = scene.render(**settings)
     assert_same_picture(scene.render(**settings, client=shared_client), expected)
 

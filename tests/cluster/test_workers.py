@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import signal
+import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -134,6 +135,14 @@ def test_more_memory_than_a_worker_has(shared_client, scene, ask):
     )
 
 
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="errors have no notes before Python 3.11")
+def test_other_errors_have_a_note(shared_client, scene):
+    with pytest.raises(BudgetError, match=r"expected \d+MiB or more") as caught:
+        scene.render(memory="1MiB", client=shared_client)
+    (note,) = caught.value.__notes__
+    assert re.fullmatch(r"found by worker \d+ \(tcp://[\d.:]+\)", note)
+
+
 def test_the_default_budget_is_a_quarter_of_the_workers(shared_client, scene):
     image = scene.render(client=shared_client)
     assert image.stats.settings["memory"] <= (1 << 30) // 4
@@ -221,6 +230,17 @@ def test_only_the_last_session_is_kept(paths):
         assert first._kept is None
     with opened.lent(places[0]) as again:
         assert again is first and second._kept is None
+    opened.close()
+
+
+def test_few_stores_stay_open(scene, monkeypatch, tmp_path):
+    monkeypatch.setattr(stores, "MOST_OPEN", 2)
+    opened = stores.OpenStores()
+    for name in "abc":
+        shutil.copytree(scene.path, tmp_path / name)
+        with opened.lent(stores.Place.of(bfrt.open(tmp_path / name).store)):
+            pass
+    assert [place.path for place in opened._sessions] == [f"{tmp_path}/b", f"{tmp_path}/c"]
     opened.close()
 
 
