@@ -32,7 +32,8 @@ from bfrt.scene import (
     plan,
     render,
 )
-from bfrt.scene import open_scene as open
+from bfrt.sharded import ShardedScene
+from bfrt.sharded import open_scene as open
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
 from bfrt.streams.litter import Litter
@@ -58,6 +59,7 @@ __all__ = [
     "SceneError",
     "SceneWriter",
     "SettingError",
+    "ShardedScene",
     "ShortReadError",
     "StoreError",
     "StreamError",

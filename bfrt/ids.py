@@ -15,10 +15,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.records import INDEX_BITS, KIND_BITS, Kind
+from bfrt.records import INDEX_BITS, KIND_BITS, STREAM_BITS, Kind
 
 #: One id, or an array of them.
 Ids = TypeVar("Ids", int, NDArray[np.uint64])
+
+#: Groups of a scene: their streams have numbers of 16 bits.
+MOST_GROUPS = 1 << STREAM_BITS - KIND_BITS
 
 _INDEX = (1 << INDEX_BITS) - 1
 

@@ -40,9 +40,10 @@ from bfrt.refusals import in_memory
 from bfrt.rendering import picture_of
 from bfrt.session import Divide, Session
 from bfrt.settings import FINEST, TREE, Settings
+from bfrt.shards.store import open_any
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
-from bfrt.store.store import Store, open_store
+from bfrt.store.store import Store
 from bfrt.store.writer import StoreWriter
 from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, View
@@ -786,12 +787,13 @@ class SceneWriter(StoreWriter):
 
 
 def open_scene(path: PathLike) -> Scene:
-    """Open a scene store: read its header and check the sizes of its files.
+    """Open a scene: read its header and check the sizes of its files.
 
     Parameters
     ----------
     path : path-like
-        The store, a folder that `SceneWriter` or `convert` made.
+        The store, a folder that `SceneWriter` or `convert` made; or the file of a sharded scene,
+        whose stores are opened as the groups of one scene.
 
     Returns
     -------
@@ -801,12 +803,13 @@ def open_scene(path: PathLike) -> Scene:
     Raises
     ------
     StoreError
-        If it is no store, of another version, damaged or truncated.
+        If it is no store, of another version, damaged or truncated, or a shard is; or if a shard
+        is another store than the one that the scene was made with.
     StreamError
         If the system refuses to read it.
     """
     with in_memory(f"{path}: opening"):
-        return Scene(open_store(path))
+        return Scene(open_any(path))
 
 
 def _sent(place: Place, divide: Divide) -> Scene:

@@ -33,6 +33,27 @@ class Kept(NamedTuple):
     every: float
 
 
+class Wanted(NamedTuple):
+    """Says what store, or sharded scene, is wanted.
+
+    Attributes
+    ----------
+    hierarchy : Hierarchy, optional
+    order : {"given", "spatial", "auto"}
+    shards : int, optional
+        Stores of a sharded scene.
+    kept : Kept, optional
+    durable : bool
+        Whether it outlives a loss of power.
+    """
+
+    hierarchy: Hierarchy | None = None
+    order: Order = "auto"
+    shards: int | None = None
+    kept: Kept | None = None
+    durable: bool = True
+
+
 def add_convert(commands: Any) -> None:
     made = command(commands, "convert", run_convert, "Stream a scene file into a scene store.")
     made.add_argument(
@@ -41,10 +62,14 @@ def add_convert(commands: Any) -> None:
         "of several, each is a group",
     )  # fmt: skip
     made.add_argument(
-        "-o", "--output", action=Once, required=True, help="the store to make (X.bfrt)"
-    )
+        "-o", "--output", action=Once, required=True,
+        help="the store to make (X.bfrt), or the sharded scene (X.bfrts): a store for each input",
+    )  # fmt: skip
     made.add_argument("--memory", help="budget of the whole process (default: a quarter)")
     made.add_argument("--scratch", metavar="DIR", help="folder for what does not fit in memory")
+    made.add_argument(
+        "--shards", type=int, metavar="N", help="stores of a sharded scene (default: one an input)"
+    )
     add_order(made, "auto")
     add_hierarchy(made)
     add_reading(made)
@@ -57,28 +82,22 @@ def run_convert(options: argparse.Namespace) -> None:
     kept = None
     if options.checkpoint is not None:
         kept = Kept(options.checkpoint, EVERY if options.every is None else options.every)
-    convert_input(options, options.output, hierarchy_of(options), order=options.order, kept=kept)
+    wanted = Wanted(hierarchy_of(options), options.order, options.shards, kept)
+    convert_input(options, options.output, wanted)
 
 
-def convert_input(
-    options: argparse.Namespace,
-    target: PathLike,
-    hierarchy: Hierarchy | None = None,
-    *,
-    order: Order = "auto",
-    durable: bool = True,
-    kept: Kept | None = None,
-) -> Scene:
+def convert_input(options: argparse.Namespace, target: PathLike, wanted: Wanted) -> Scene:
     """Convert what the command line names as input, with its settings, under a progress bar."""
     tell_readings(options)
+    kept = wanted.kept
     sources = [options.input] if isinstance(options.input, str) else options.input
     with bars("convert", options.quiet) as progress:
         return convert(
             sources,
             target,
             dtype=options.dtype,
-            hierarchy=hierarchy,
-            order=order,
+            hierarchy=wanted.hierarchy,
+            order=wanted.order,
             memory=options.memory,
             scratch=options.scratch,
             radius=options.radius,
@@ -98,7 +117,8 @@ def convert_input(
             curvature=options.curvature,
             floor=options.floor,
             progress=progress,
-            durable=durable,
+            durable=wanted.durable,
             checkpoint=None if kept is None else kept.folder,
             every=EVERY if kept is None else kept.every,
+            shards=wanted.shards,
         )

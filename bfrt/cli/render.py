@@ -11,7 +11,7 @@ from typing import Any
 
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint
 from bfrt.cli.bars import wants_bar
-from bfrt.cli.convert import convert_input
+from bfrt.cli.convert import Wanted, convert_input
 from bfrt.cli.options import (
     READING,
     Once,
@@ -191,4 +191,4 @@ def opened(options: argparse.Namespace) -> Iterator[Scene]:
     folder = scratch_folder(options.scratch, Path(options.output[0]))
     name = Path(options.input.replace(":", "-")).stem or "scene"
     with temporary_folder(folder, name) as temporary:
-        yield convert_input(options, temporary / f"{name}.bfrt", durable=False)
+        yield convert_input(options, temporary / f"{name}.bfrt", Wanted(durable=False))

@@ -8,7 +8,8 @@ from typing import Any
 
 from bfrt.cli.options import command
 from bfrt.scene import open_scene
-from bfrt.store.store import Store, bounds_to, open_store
+from bfrt.shards.store import open_any
+from bfrt.store.store import Store, bounds_to
 from bfrt.store.stream import Stream
 
 
@@ -19,7 +20,7 @@ def add_info(commands: Any) -> None:
 
 
 def run_info(options: argparse.Namespace) -> None:
-    facts = describe(open_store(options.store))
+    facts = describe(open_any(options.store))
     if options.json:
         print(json.dumps(facts, indent=1))
         return

@@ -6,7 +6,8 @@ import os
 from dataclasses import dataclass
 
 from bfrt.errors import StoreError
-from bfrt.store.store import Store, open_store
+from bfrt.shards.store import open_any
+from bfrt.store.store import Store
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Place:
         return cls(os.path.abspath(store.path), store.checksum)  # noqa: PTH100  # links stay
 
     def open(self) -> Store:
-        """Open the store.
+        """Open the scene: a store, or a sharded one.
 
         Raises
         ------
@@ -39,7 +40,7 @@ class Place:
         StreamError
             As the system refuses.
         """
-        store = open_store(self.path)
+        store = open_any(self.path)
         if store.checksum != self.checksum:
             raise StoreError(
                 f"{self.path}: found the store {store.checksum:08x}, expected "

@@ -54,7 +54,7 @@ class OpenStores:
     def _session(self, place: Place) -> Session:
         at_end_of_worker(self.close)
         for other, session in list(self._sessions.items()):
-            if other.path == place.path and other != place:
+            if other.path == place.path and other.checksum != place.checksum:
                 self._forget(other)
             elif other != place:
                 session.make_room()

@@ -61,15 +61,33 @@ class Watch:
             if self.topic is not None:
                 self._client.unsubscribe_topic(self.topic)
 
-    def begin(self, task: Callable[..., Any], given: Sequence[Any], what: str) -> list[Any]:
+    def begin(
+        self,
+        task: Callable[..., Any],
+        given: Sequence[Any],
+        what: str,
+        workers: Sequence[str] | None = None,
+    ) -> list[Any]:
         """Have workers call `task` for each of what is given, the first ones first.
+
+        Parameters
+        ----------
+        task : callable
+        given : sequence
+        what : str
+            What keys are made of: another for each call.
+        workers : sequence of str, optional
+            Addresses of those that had best do it: others do where these have ended.
 
         Returns
         -------
         list of distributed.Future
         """
         keys = [f"bfrt-{what}-{self._name}-{number}" for number in range(len(given))]
-        futures: list[Any] = self._client.map(task, given, key=keys, pure=False)
+        futures: list[Any] = self._client.map(
+            task, given, key=keys, pure=False, workers=workers,
+            allow_other_workers=workers is not None,
+        )  # fmt: skip
         self._futures.update(zip(keys, futures, strict=True))
         for future in futures:
             future.add_done_callback(self._heard.put)

@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 import logging
-import stat
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from bfrt.checkpoint.checkpoint import Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of_conversion
-from bfrt.conversion.asked import Conversion
+from bfrt.cluster.engine import client_of
+from bfrt.conversion.by_workers import by_workers
 from bfrt.conversion.kept import EVERY, KeptConversion, check_can_be_kept, find_state
-from bfrt.conversion.sinks import Behind, GroupSink
-from bfrt.conversion.sources import (
-    SceneFile,
-    SceneSource,
-    StandardScene,
-    sources_of,
-)
-from bfrt.errors import SceneError
-from bfrt.formats.reading import RGB, Reading, Uses
-from bfrt.formats.room import need_of, rooms_for
-from bfrt.formats.source import Report
+from bfrt.conversion.sharding import Make, Sharding, is_sharded, one_by_one, refuse_checkpoint
+from bfrt.conversion.sources import SceneSource, sources_of
+from bfrt.conversion.writing import Conversion, write_scene, writing_of
+from bfrt.formats.reading import Reading, Uses
 from bfrt.memory import default_memory, parse_memory
-from bfrt.paths import check_apart, facts_at, path_of, without_links
-from bfrt.progress import DoneReport, check_report, staged
+from bfrt.paths import check_apart, path_of, without_links
+from bfrt.progress import DoneReport, check_report
 from bfrt.refusals import in_memory
-from bfrt.scene import PathLike, Scene, SceneWriter
+from bfrt.scene import PathLike, Scene
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Order, checked_order
-from bfrt.workers import usable_threads
 
 log = logging.getLogger(__name__)
 
@@ -66,8 +55,10 @@ def convert(
     durable: bool = True,
     checkpoint: PathLike | Checkpoint | None = None,
     every: float = EVERY,
+    shards: int | None = None,
+    client: Any = None,
 ) -> Scene:
-    """Convert scene files to a scene store, streaming.
+    """Convert scene files to a scene store, or to a sharded scene of several, streaming.
 
     Parameters
     ----------
@@ -80,7 +71,10 @@ def convert(
         the background are the first file's. A setting applies to the files that use it.
     target : path-like
         The store to make. An existing store is replaced when the new one is complete; anything
-        else is refused.
+        else is refused. With the suffix .bfrts it is a sharded scene: a file that names stores,
+        which are made one by one, in a folder beside it of the same name with .shards. Those that
+        are complete stay where the work ends early: the same call goes on from there, and makes
+        no shard again whose files are as they were (docs/shards.rst).
     dtype : {None, "float32", "float64"}
         The type that geometry is stored as. None keeps the file's own: float32 or float64 by its
         types, and float64 for text without types (OBJ, text STL). If all sources are NFF or
@@ -163,6 +157,14 @@ def convert(
         Seconds between two saves of the state at the least; it is saved when a source is complete,
         or a stream is in order, and where that takes long less often: it costs no more than a
         fiftieth of the time. 0 means every time, whatever it costs.
+    shards : int, optional
+        Number of the stores of a sharded scene, each of some files in order; by default one for
+        each file. Groups, ids and pictures do not depend on it.
+    client : distributed.Client or True, optional
+        Have the workers of a Dask cluster make the shards, each by one worker, which reads its
+        files itself; True is the current client. Files and target are where all machines see them.
+        `memory` is each worker's, and by default a quarter of its limit; `progress` counts the
+        files whose shards are complete.
 
     Returns
     -------
@@ -210,128 +212,45 @@ def convert(
         scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
     )
-    budget = default_memory() if memory is None else parse_memory(memory)
-    conversion = Conversion(sources, target, reading, budget, dtype, hierarchy, order, durable)
+    asked = None if memory is None else parse_memory(memory)
+    budget = default_memory() if asked is None else asked
+    writing = writing_of(sources, target, dtype, hierarchy, order)
+    conversion = Conversion(sources, reading, budget, writing, durable)
     with in_memory(f"{conversion.names}: converting", budget):
-        if checkpoint is None:
+        if is_sharded(target, shards, client):
+            refuse_checkpoint(checkpoint)
+            scene = Sharding(conversion, shards, asked).run(maker_of(sources, client, progress))
+        elif checkpoint is None:
             scene = write_scene(conversion, progress)
         else:
-            scene = write_kept(conversion, checkpoint, every, progress)
+            scene = go_on(conversion, checkpoint, every, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
 
 
-def write_kept(
+def maker_of(sources: tuple[SceneSource, ...], client: Any, progress: DoneReport | None) -> Make:
+    """Return what makes shards: this process, or the workers of a client."""
+    if client is None:
+        return one_by_one(sources, progress)
+    return by_workers(client_of(client), sources, progress)
+
+
+def go_on(
     conversion: Conversion,
     checkpoint: PathLike | Checkpoint,
     every: float,
     progress: DoneReport | None,
 ) -> Scene:
-    """Write the sources, and keep the state of that in a checkpoint."""
+    """Write the sources as `write_scene` does, from where the state in a checkpoint ends."""
     check_can_be_kept(conversion.files)
     if not isinstance(checkpoint, Checkpoint):
-        check_apart(conversion.target, checkpoint)
-    with keeping(checkpoint, every, each=0.0) as kept:
-        assert kept is not None
-        return go_on(conversion, kept, progress)
-
-
-def go_on(conversion: Conversion, checkpoint: Checkpoint, progress: DoneReport | None) -> Scene:
-    """Write the sources as `write_scene` does, from where the state in a checkpoint ends."""
+        check_apart(conversion.writing.target, checkpoint)
     names = [source.name for source in conversion.sources]
-    find_state(checkpoint, identity_of_conversion(names, conversion.settings))
-    with KeptConversion(checkpoint, conversion.files, conversion.reading.uses) as kept:
-        kept.check_inputs()
-        store = kept.named(conversion.target)
-        return write_scene(conversion, progress, kept) if store is None else Scene(store)
-
-
-def write_scene(
-    conversion: Conversion, progress: DoneReport | None, kept: KeptConversion | None = None
-) -> Scene:
-    """Write the sources one after the other, each into its group."""
-    rooms = rooms_of(conversion)
-    report = staged(progress, "reading", bytes_of(conversion.sources) or None)
-    done = 0 if kept is None else kept.done
-    with open_writer(conversion) if kept is None else kept.open(conversion.writing) as writer:
-        if conversion.first_scene is not None and not done:
-            writer.expect(conversion.first_scene.counts, conversion.first_scene.surface)
-        for group in range(done, len(rooms)):
-            if kept is not None:
-                kept.begin()
-            write_group(conversion, group, rooms[group], writer, report)
-            if kept is not None:
-                kept.complete()
-        with complaints_of(conversion.names):
-            return Scene(writer.complete(progress))
-
-
-def write_group(
-    conversion: Conversion, group: int, room: int, writer: SceneWriter, report: Report | None
-) -> None:
-    """Write a source into its group."""
-    source, sink = conversion.sources[group], GroupSink(writer, group)
-    if isinstance(source, StandardScene):
-        conversion.reading.refuse_all_but(source.name)
-        source.scene.feed(sink, usable_threads())
-    else:
-        reading = replace(conversion.reading, room=room)
-        read_file(source, sink, reading, after(report, conversion.sources[:group]))
-
-
-def rooms_of(conversion: Conversion) -> list[int]:
-    """Return the bytes that each source's conversion leaves of the budget for vertices.
-
-    Raises
-    ------
-    BudgetError
-        If the budget is less than the least that works for all.
-    """
-    colored = conversion.reading.color_by == RGB
-    sizes = [
-        s.scene.store_bytes if isinstance(s, StandardScene) else None for s in conversion.sources
-    ]
-    sized = zip(conversion.sources, sizes, strict=True)
-    needs = [need_of(source.name, size, colored=colored) for source, size in sized]
-    return rooms_for(needs, conversion.memory)
-
-
-def open_writer(conversion: Conversion) -> SceneWriter:
-    """Open the writer of the store."""
-    how = conversion.writing
-    return SceneWriter(
-        how.target, dtype=how.dtype, origin=how.origin, hierarchy=how.hierarchy, order=how.order,
-        durable=conversion.durable,
-    )  # fmt: skip
-
-
-def read_file(file: SceneFile, sink: GroupSink, reading: Reading, progress: Report | None) -> None:
-    """Read a file into a sink, whose errors get the file's name too."""
-    with complaints_of(file.name), Behind(sink) as behind:
-        file.reader(file.name, behind, reading, progress)
-
-
-def after(progress: Report | None, sources: Sequence[SceneSource]) -> Report | None:
-    """Return a reporter that counts some files as read already."""
-    if progress is None:
-        return None
-    read = bytes_of(sources)
-    return lambda done: progress(read + done)
-
-
-def bytes_of(sources: Sequence[SceneSource]) -> int:
-    """Return the bytes of those sources that are files."""
-    files = [facts_at(Path(each.name)) for each in sources if isinstance(each, SceneFile)]
-    return sum(file.st_size for file in files if file is not None and stat.S_ISREG(file.st_mode))
-
-
-@contextmanager
-def complaints_of(name: str) -> Iterator[None]:
-    """Have errors about a scene begin with its file's name."""
-    try:
-        yield
-    except SceneError as error:
-        if str(error).startswith((name, "<stdin>")):
-            raise
-        raise SceneError(f"{name}: {error}") from error
+    with keeping(checkpoint, every, each=0.0) as opened:
+        assert opened is not None
+        find_state(opened, identity_of_conversion(names, conversion.settings))
+        with KeptConversion(opened, conversion.files, conversion.reading.uses) as kept:
+            kept.check_inputs()
+            store = kept.named(conversion.writing.target)
+            return write_scene(conversion, progress, kept) if store is None else Scene(store)

@@ -28,6 +28,7 @@ from bfrt.formats.source import Report
 from bfrt.formats.stl import read_stl
 from bfrt.paths import is_folder, is_there, path_of, without_links
 from bfrt.scene import PathLike
+from bfrt.shards.manifest import SUFFIX
 from bfrt.spd import scene as spd_scene
 from bfrt.spd.recipe import SpdScene
 from bfrt.streams.litter import restore
@@ -143,10 +144,10 @@ def parse_spd(name: str, hash: str | None = None) -> SpdScene:
 
 
 def is_store(source: PathLike) -> bool:
-    """Tell whether a path is a scene store, or has the name of one."""
+    """Tell whether a path is a scene, a store or a sharded one, or has the name of one."""
     path = path_of("source", source)
     return (
-        path.suffix == ".bfrt"
+        path.suffix in (".bfrt", SUFFIX)
         or is_folder(path)
         or (not is_there(path) and restore(without_links(path)))
     )

@@ -207,8 +207,17 @@ class Reading:
         SettingError
             For the first setting that was given and is not known, or needs another.
         """
-        if not self.uses.add(name, known):
-            return
+        if self.uses.add(name, known):
+            self.refuse_unused(name)
+
+    def refuse_unused(self, name: str) -> None:
+        """Refuse the settings that no file of the call has a use for, the last of which is named.
+
+        Raises
+        ------
+        SettingError
+            For the first setting that was given and is not known, or needs another.
+        """
         for each in fields(self):
             asked = getattr(self, each.name)
             free = each.name in ALWAYS or each.name in self.uses.known

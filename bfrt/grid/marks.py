@@ -224,7 +224,7 @@ def open_marks(path: Path, store: Store, layout: Layout) -> Marks | None:
 
 def verify_marks(store: Store, group: Group) -> None:
     """Check the marks in the store, if there are any."""
-    path = store.path / str(group.number) / "marks"
+    path = store.marks_of(group)
     file = _opened(path, store)
     if file is None:
         return

@@ -22,7 +22,8 @@ from pathlib import Path
 from bfrt.errors import BfrtError
 from bfrt.paths import is_folder, without_links
 from bfrt.refusals import refused
-from bfrt.store.store import Group, Store, open_store
+from bfrt.shards.store import open_any
+from bfrt.store.store import Group, Store
 from bfrt.streams.atomic_write import atomic_own_file, put
 from bfrt.streams.ownership import FILE, FOLDER, parsed, stem_of
 from bfrt.streams.private_folder import cache_folder, is_private, make_private, user
@@ -46,16 +47,17 @@ def marks_path(store: Store, group: Group, scratch: Path | None) -> Path:
     scratch : Path, optional
         The scratch folder, if one is asked for.
     """
-    home = store.path / str(group.number)
-    if store.folder.in_place and os.access(home if is_folder(home) else store.path, os.W_OK):
-        return home / "marks"
+    path = store.marks_of(group)
+    home = path.parent if is_folder(path.parent) else path.parent.parent
+    if store.folder.in_place and os.access(home, os.W_OK):
+        return path
     name = stem_of(without_links(store.path).name)
     return home_in(scratch) / f"{name}-{store.checksum:08x}" / f"{group.number}.marks"
 
 
 def is_inside(path: Path, store: Store) -> bool:
     """Tell whether marks lie in their store, which vouches for them."""
-    return path.is_relative_to(store.path)
+    return any(path == store.marks_of(group) for group in store.groups)
 
 
 def is_believed(path: Path, store: Store) -> bool:
@@ -108,6 +110,6 @@ def _has_store(folder: Path) -> bool:
     except OSError:
         return True
     try:
-        return folder.name.endswith(f"-{open_store(place).checksum:08x}")
+        return folder.name.endswith(f"-{open_any(place).checksum:08x}")
     except (BfrtError, OSError, ValueError):
         return False

@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from itertools import chain
 from typing import Any, NamedTuple
@@ -143,7 +143,8 @@ def _fields(records: Block, dtype: np.dtype[Any]) -> Block:
     return made
 
 
-def _hit_columns(block: Block) -> dict[str, Block]:
+def hit_columns(block: Block) -> dict[str, Block]:
+    """Return the columns of an answer for hits, (n,) of SURFACE; NO_HIT is the key of a miss."""
     ids = block["key"]
     missed = ids == NO_HIT
     stream, index = stream_of(ids), index_of(ids)
@@ -164,7 +165,7 @@ def _missed() -> Block:
 
 #: `bfrt.cast_rays`: the nearest hit of each ray.
 NEAREST = RowPerRay(
-    RayKind.EYE, HIT_FIELDS, _missed(), _nearest, _hit_columns,
+    RayKind.EYE, HIT_FIELDS, _missed(), _nearest, hit_columns,
     lambda caster, rays, columns: caster.nearest(rays, columns),
 )  # fmt: skip
 
@@ -190,7 +191,7 @@ class RowPerHit:
     def answer(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
         """Answer a question."""
         rays = question.rays()
-        _check_folder(question.out)
+        check_folder_of_hits(question.out)
         with sessions(settings) as tracer:
             query = Query(tracer, rays, RayKind.EYE, question)
             room = tracer.capacities  # a ray may have many hits
@@ -199,13 +200,16 @@ class RowPerHit:
                     crossings = AllHits(lambda found: hits.append(found.view(HIT)))
                     query.trace(lambda rays: None, hits, crossings)
                     _resolve(query, hits, room.hits, answers)
-                return query.answer(_listed(answers, query.rays, question.out))
+                hits_found = len(answers)
+                return query.answer(
+                    put_listed(answers.ordered(), hits_found, query.rays, question.out)
+                )
 
 
 LIST = RowPerHit()
 
 
-def _check_folder(out: Out | None) -> None:
+def check_folder_of_hits(out: Out | None) -> None:
     """Refuse what is no folder for an answer whose number of rows is not yet known."""
     if isinstance(out, (str, os.PathLike)):
         check_out({**SPLITS, **LISTED}, None, out)
@@ -215,15 +219,28 @@ def _check_folder(out: Out | None) -> None:
         )
 
 
-def _listed(answers: Answers, rays: int, folder: Out | None) -> dict[str, Block]:
-    """Put all hits in the order of their rays, and say where each ray's end."""
-    shapes = {**shapes_of(SPLITS, rays + 1), **shapes_of(LISTED, len(answers))}
+def put_listed(
+    hits: Iterator[Block], count: int, rays: int, folder: Out | None
+) -> dict[str, Block]:
+    """Put all hits into an answer, and say where each ray's end.
+
+    Parameters
+    ----------
+    hits : iterator of (n,) SURFACE
+        In the order of their rays.
+    count : int
+        Their number.
+    rays : int
+    folder : path-like, optional
+        Where the answer goes.
+    """
+    shapes = {**shapes_of(SPLITS, rays + 1), **shapes_of(LISTED, count)}
     with Columns(shapes, folder) as columns:
         columns.put({"ray_splits": np.zeros(1, np.int64)})
         hits_before = rays_before = 0
-        for block in chain(pieces(answers.ordered()), [np.empty(0, SURFACE)]):
+        for block in chain(pieces(hits), [np.empty(0, SURFACE)]):
             numbers = block["number"].astype(np.int64)
-            columns.put({"ray_ids": numbers, **_hit_columns(block)})
+            columns.put({"ray_ids": numbers, **hit_columns(block)})
             end = int(numbers[-1]) if len(numbers) else rays  # the last one's may go on
             for ends in split_ends(numbers, rays_before, end):
                 columns.put({"ray_splits": hits_before + ends})

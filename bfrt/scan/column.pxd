@@ -12,6 +12,7 @@ cdef class ColumnCursor:
     cdef Reader reader      # None where nothing is stored: all objects have one number, or
     cdef bint placed        # each has its place
     cdef uint64_t one
+    cdef uint64_t base      # is added to what is stored
     cdef int bytes          # of a number
     cdef int64_t at         # the object whose number comes next
     cdef int64_t known      # the end of those that were prefetched
@@ -27,12 +28,12 @@ cdef inline uint64_t next_number(ColumnCursor c) except? 0xFFFFFFFFFFFFFFFF nogi
         return <uint64_t>(c.at - 1) if c.placed else c.one
     p = take(c.reader, c.bytes)
     if c.bytes == 1:
-        return p[0]
+        return c.base + p[0]
     if c.bytes == 2:
-        return (<const uint16_t*>p)[0]
+        return c.base + (<const uint16_t*>p)[0]
     if c.bytes == 4:
-        return (<const uint32_t*>p)[0]
-    return (<const uint64_t*>p)[0]
+        return c.base + (<const uint32_t*>p)[0]
+    return c.base + (<const uint64_t*>p)[0]
 
 
 cdef inline uint64_t pick_number(ColumnCursor c) except? 0xFFFFFFFFFFFFFFFF nogil:

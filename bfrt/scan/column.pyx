@@ -1,7 +1,7 @@
 """Cursors over columns."""
 
 cimport cython
-from libc.stdint cimport int64_t
+from libc.stdint cimport int64_t, uint64_t
 
 from bfrt.scan.runs cimport prefetch_runs
 
@@ -22,12 +22,15 @@ cdef class ColumnCursor:
         Bytes of the read buffer.
     one : int, optional
         The number of all objects where there is no file; without it, each object's is its place.
+    base : int
+        What is added to each number that is stored, or is that of all.
     """
 
-    def __cinit__(self, files, name, int bytes, size_t capacity, one=None):
+    def __cinit__(self, files, name, int bytes, size_t capacity, one=None, uint64_t base=0):
         self.bytes = bytes
         self.placed = one is None
-        self.one = 0 if one is None else one
+        self.base = base
+        self.one = 0 if one is None else base + one
         if bytes:
             self.reader = files.reader(name, capacity)
         self.rewind()

@@ -45,7 +45,8 @@ cdef class StreamScan:
         self.boxes = BoxCursor(stream, origin, files, outliers, capacity)
         self.geometry = GeometryCursor(stream, origin, files, capacity)
         self.materials = ColumnCursor(
-            files, "materials", stream.material_bytes, capacity // 8, stream.material
+            files, "materials", stream.material_bytes, capacity // 8, stream.material,
+            stream.first_material,
         )
         self.ids = ColumnCursor(files, "ids", stream.id_bytes, capacity // 8)
 

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SettingError
+from bfrt.ids import MOST_GROUPS
 from bfrt.progress import DoneReport
-from bfrt.records import KIND_BITS, STREAM_BITS, Kind
+from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.columns import Prepared, prepare
@@ -33,9 +34,6 @@ from bfrt.store.palette import PaletteWriter, SavedPalette, record_of
 from bfrt.store.store import PALETTE, bounds_to
 from bfrt.store.written import WrittenGroup, make_all
 from bfrt.streams.atomic_write import sync_folder
-
-#: Groups of a store: their streams have numbers of 16 bits.
-MOST_GROUPS = 1 << STREAM_BITS - KIND_BITS
 
 #: Objects whose boxes are worked out at once: what bounds memory beside the caller's block.
 BOXES_AT_ONCE = 65536
@@ -318,6 +316,11 @@ class RecordWriter:
         if materials is None:
             return np.full(n, self.material(Material()), np.uint32)
         return self._palette.indices_of(materials, n)
+
+    def begin_group(self, number: int) -> None:
+        """Begin a group, which may stay empty: the next; `SettingError` for others."""
+        self._check_group(number)
+        self._group(number)
 
     def complete_group(self, number: int) -> None:
         """Complete the files of a group, if it is begun: it gets no more objects."""

@@ -16,6 +16,7 @@
       GROUP/KIND/nodes           the treelets' trees, 80 bytes a node
       GROUP/KIND/ids             the place that each object had as it was given, uint32 or uint64
       GROUP/marks                voxel marks, made by the first render
+      GROUP/shared-marks         likewise, as a shard of a larger scene (bfrt.shards)
 
 ``open`` reads the header and asks for the sizes of the files; `Store.verify` reads everything.
 """
@@ -47,6 +48,7 @@ from bfrt.store.stream import Stream
 VERSION = 5
 MADE = "made.json"
 PALETTE = "palette"
+MARKS = "marks"
 
 
 @dataclass(frozen=True)
@@ -154,6 +156,10 @@ class Store:
         ]
         self.folder.move(path)
         return replace(self, groups=groups)
+
+    def marks_of(self, group: Group) -> Path:
+        """Return the path of a group's marks, where we may write to the store."""
+        return self.path / str(group.number) / MARKS
 
     def files(self) -> list[tuple[Path, FileFacts]]:
         """Return every file that the header lists."""

@@ -40,6 +40,8 @@ class Stream:
         Where they are.
     local : bool
         Whether objects that followed each other were known to lie near each other as they came.
+    first_material : int
+        Place of the store's first material in the palette of a scene that has several stores.
     """
 
     store: StoreFolder
@@ -61,6 +63,7 @@ class Stream:
     nodes: int
     treelet_bytes: int
     files: dict[str, FileFacts]
+    first_material: int = 0
 
     @property
     def number(self) -> int:

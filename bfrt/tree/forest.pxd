@@ -42,6 +42,7 @@ cdef class Forest:
     cdef const Treelet* treelet
     cdef const uint16_t[::1] stream_of  # of each treelet, by its place in `streams`
     cdef TreeStream* streams
+    cdef int stream_count
     cdef uint8_t[::1] there     # of each treelet, whether it is in memory
     cdef uint8_t[::1] locks
     cdef int64_t[::1] place     # of each treelet among those kept, from 1; 0 for those that are not
@@ -86,11 +87,20 @@ cdef inline const TreeStream* stream_numbered(Forest f, uint64_t number) noexcep
 
 
 cdef inline void prefetch_id(Forest f, uint64_t id) noexcept nogil:
-    """Have the place that an object was given at come from memory, if it is an object's id."""
+    """Have the place that an object was given at come from memory, if it is an object's here.
+
+    A ray may come with no hit, or with one on an object of another forest.
+    """
+    cdef uint64_t number = id >> INDEX_BITS
     cdef const TreeStream* s
-    if id != NO_HIT:
-        s = stream_numbered(f, id >> INDEX_BITS)
-        prefetch(s.ids + (id & ((<uint64_t>1 << INDEX_BITS) - 1)) * s.id_bytes)
+    cdef int k
+    if id == NO_HIT:
+        return
+    for k in range(f.stream_count):
+        s = &f.streams[k]
+        if s.number == number:
+            prefetch(s.ids + (id & ((<uint64_t>1 << INDEX_BITS) - 1)) * s.id_bytes)
+            return
 
 
 cdef inline unsigned char* kept_at(Forest f, uint32_t treelet) noexcept nogil:

@@ -94,6 +94,7 @@ cdef class Forest:
         self.kept, self.files = [], []
         streams = [stream for stream in store.streams if stream.treelets]
         self.streams = <TreeStream*>PyMem_RawMalloc((len(streams) + 1) * sizeof(TreeStream))
+        self.stream_count = len(streams)
         if self.streams == NULL:
             raise MemoryError("a list of streams")
         tables = [np.empty(0, TREELET)]

@@ -16,7 +16,7 @@ from kills import contents
 
 import bfrt
 from bfrt.checkpoint.checkpoint import Checkpoint
-from bfrt.conversion import convert as conversion
+from bfrt.conversion import writing as conversion
 from bfrt.conversion.kept_files import has_column, remove_others
 from bfrt.errors import CheckpointError, SceneError, SettingError, StreamError
 from bfrt.store.atomic_folder import AtomicFolder

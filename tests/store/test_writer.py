@@ -963,3 +963,16 @@ def test_a_masked_array_without_a_masked_element_is_one(folder):
         writer.material(Material())
         writer.spheres(np.ma.zeros((2, 3)), np.ma.ones(2), np.ma.zeros(2, int))
     assert open_store(folder / "a.bfrt").objects == 2
+
+
+def test_a_group_between_others_may_be_empty(tmp_path):
+    """As one of several files may be without objects: the groups behind it keep their numbers."""
+    files = [tmp_path / f"{number}.npy" for number in range(4)]
+    for file, count in zip(files, (5, 0, 7, 0), strict=True):
+        np.save(file, np.random.default_rng(count).uniform(size=(count, 3)))
+    scene = bfrt.convert(files, tmp_path / "a.bfrt", radius=0.6, durable=False)
+    assert {g.group: g.count for g in scene.geometries.values()} == {0: 5, 2: 7}
+    assert len(scene.store.groups) == 4
+    for refine in ("base", "sgb", "tree"):
+        hits = scene.cast_rays([[0.5, 0.5, 9.0]] * 3, [[0, 0, -1.0]] * 3, refine=refine)
+        assert (hits["t_hit"] < 10).all()

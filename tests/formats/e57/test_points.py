@@ -86,7 +86,7 @@ def test_no_scan_and_no_position(tmp_path):
 def test_without_the_library(tmp_path, monkeypatch):
     path = tmp_path / "a.e57"
     write(path, [scan(1)])
-    monkeypatch.setattr(reader_module, "is_there", lambda name: False)
+    monkeypatch.setattr(reader_module, "is_installed", lambda name: False)
     with pytest.raises(SettingError, match=r"a\.e57: E57 needs pye57: install bfrt\[e57\]$"):
         convert(path, radius=1)
 

@@ -1,0 +1,338 @@
+"""``bfrt.open(path, client=...)``: a sharded scene whose shards stay with a cluster's workers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bfrt.cluster.asked import Asked
+from bfrt.errors import SettingError
+from bfrt.ids import kind_of
+from bfrt.paths import path_of
+from bfrt.progress import Report, reporting
+from bfrt.queries.answers import Out
+from bfrt.queries.question import Answer, Question
+from bfrt.queries.rays import Given
+from bfrt.scene import Geometry, PathLike, Scene
+from bfrt.scene import open_scene as open_here
+from bfrt.settings import FINEST
+from bfrt.shards.manifest import SUFFIX, Manifest
+from bfrt.store.extent import Bounds
+from bfrt.store.model import Camera, Light
+from bfrt.wavefront.scene import ALL, ANY, COUNT, NEAREST, Wanted, Wavefront
+
+#: Rays, their ends, and where the answer goes.
+Asking = tuple[Given, Given | None, ArrayLike, ArrayLike, Out | None]
+
+
+class ShardedScene:
+    """Answers ray queries about a sharded scene, whose shards are opened by workers alone.
+
+    Each shard has a worker that answers for it. Rays go to the workers whose shards' bounds they
+    meet, nearest first, and no further than to the nearest hit; answers are the same, bit for bit,
+    as those of `Scene`. `bfrt.open` makes one.
+
+    Parameters
+    ----------
+    path : path-like
+        The file of a sharded scene, under the same path for this process and all workers.
+    client : distributed.Client or True
+        True is the current client.
+    """
+
+    def __init__(self, path: PathLike, client: Any) -> None:
+        self._path = path_of("store", path)
+        if self._path.suffix != SUFFIX:
+            raise SettingError(
+                f"client: found one for {self._path}, expected a sharded scene ({SUFFIX}): other "
+                "scenes take it with each call"
+            )
+        self._wavefront = Wavefront(client, self._path)
+
+    def __repr__(self) -> str:
+        workers = len(self._wavefront.carriers)
+        return f"<ShardedScene {str(self.path)!r}: {self.objects:,} objects, {workers} workers>"
+
+    @property
+    def _manifest(self) -> Manifest:
+        return self._wavefront.store.manifest
+
+    @property
+    def path(self) -> Path:
+        """Return the path of the scene's file."""
+        return self._path
+
+    @property
+    def objects(self) -> int:
+        """Return the number of objects of all shards."""
+        return self._manifest.objects
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Return the point, in world coordinates, that the shards' coordinates count from."""
+        return self._manifest.origin
+
+    @property
+    def bounds(self) -> Bounds:
+        """Return the box around all objects, world coordinates, as `Scene.bounds`."""
+        return self._wavefront.store.world_bounds
+
+    @property
+    def geometries(self) -> dict[int, Geometry]:
+        """Return a `Geometry` for each number that ``geometry_ids`` may have."""
+        streams = (stream for shard in self._manifest.shards for stream in shard.streams)
+        return {s.number: Geometry(s.group, kind_of(s.number), s.objects) for s in streams}
+
+    @property
+    def camera(self) -> Camera | None:
+        """Return the scene's own camera, or None."""
+        return self._manifest.camera
+
+    @property
+    def lights(self) -> list[Light]:
+        """Return the scene's own lights."""
+        return list(self._manifest.lights)
+
+    @property
+    def background(self) -> tuple[float, float, float]:
+        """Return the color of rays that meet nothing, linear RGB."""
+        return self._manifest.background
+
+    @property
+    def workers(self) -> dict[str, tuple[int, ...]]:
+        """Return the shards, by their places in the file, that each worker answers for."""
+        return {each.workers[0]: each.numbers for each in self._wavefront.carriers}
+
+    def cast_rays(
+        self,
+        origins: Given,
+        directions: Given | None = None,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = np.inf,
+        *,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+    ) -> Answer:
+        """Find the nearest hit of each ray.
+
+        Parameters
+        ----------
+        origins, directions, t_min, t_max, out, progress
+            As for `Scene.cast_rays`; rays are arrays or files, since blocks do not tell how many.
+        memory, threads : optional
+            Each worker's; by default a quarter of its limit, and all its threads.
+        refine, grid, max_grid, scratch
+            As for `Scene.cast_rays`. `scratch` is a folder that each worker has; by default its own
+            on its disk.
+
+        Returns
+        -------
+        Answer
+            As `Scene.cast_rays`. ``stats.travel`` counts what went between client and workers,
+            ``stats.workers`` has the counters of each worker.
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+            As for `Scene.cast_rays`; those of a shard or of a budget name the worker.
+        """
+        asked = Asked(
+            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
+        )
+        rays = (origins, directions, t_min, t_max, out)
+        return self._answer(NEAREST, rays, progress, asked, refine)
+
+    def occluded(
+        self,
+        origins: Given,
+        directions: Given | None = None,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = np.inf,
+        *,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+    ) -> Answer:
+        """Find whether each ray hits anything in (t_min, t_max).
+
+        Parameters
+        ----------
+        origins, directions, t_min, t_max, out, progress, memory, threads, refine, grid, max_grid
+            As for `cast_rays`.
+        scratch : path-like, optional
+            As for `cast_rays`.
+
+        Returns
+        -------
+        Answer
+            ``occluded`` (n,) bool.
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+            As for `cast_rays`.
+        """
+        asked = Asked(
+            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
+        )
+        rays = (origins, directions, t_min, t_max, out)
+        return self._answer(ANY, rays, progress, asked, refine)
+
+    def count_intersections(
+        self,
+        origins: Given,
+        directions: Given | None = None,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = np.inf,
+        *,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+    ) -> Answer:
+        """Count all hits of each ray in (t_min, t_max).
+
+        Parameters
+        ----------
+        origins, directions, t_min, t_max, out, progress, memory, threads, refine, grid, max_grid
+            As for `cast_rays`.
+        scratch : path-like, optional
+            As for `cast_rays`.
+
+        Returns
+        -------
+        Answer
+            ``counts`` (n,) int64.
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+            As for `cast_rays`.
+        """
+        asked = Asked(
+            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
+        )
+        rays = (origins, directions, t_min, t_max, out)
+        return self._answer(COUNT, rays, progress, asked, refine)
+
+    def list_intersections(
+        self,
+        origins: Given,
+        directions: Given | None = None,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = np.inf,
+        *,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+    ) -> Answer:
+        """Find all hits of each ray in (t_min, t_max).
+
+        Parameters
+        ----------
+        origins, directions, t_min, t_max, progress, memory, threads, refine, grid, max_grid
+            As for `cast_rays`.
+        out : path-like, optional
+            A folder for the answer, as for `Scene.list_intersections`.
+        scratch : path-like, optional
+            As for `cast_rays`.
+
+        Returns
+        -------
+        Answer
+            As `Scene.list_intersections`.
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+            As for `cast_rays`.
+        """
+        asked = Asked(
+            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
+        )
+        rays = (origins, directions, t_min, t_max, out)
+        return self._answer(ALL, rays, progress, asked, refine)
+
+    def _answer(
+        self,
+        wanted: Wanted,
+        rays: Asking,
+        progress: bool | Report,
+        asked: Asked,
+        refine: str | None,
+    ) -> Answer:
+        with reporting(progress) as report:
+            question = Question(*rays, report)
+            return self._wavefront.answer(wanted, question, asked, refine)
+
+
+def asked_of(
+    memory: str | int | None,
+    threads: int | None,
+    refine: str | None,
+    grid: int | None,
+    max_grid: int | None,
+    scratch: PathLike | None,
+) -> Asked:
+    """Return settings for each worker; of no refinement each takes its shards' own."""
+    return Asked(
+        memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
+    )
+
+
+@overload
+def open_scene(path: PathLike, *, client: None = None) -> Scene: ...
+@overload
+def open_scene(path: PathLike, *, client: Any) -> ShardedScene: ...
+def open_scene(path: PathLike, *, client: Any = None) -> Scene | ShardedScene:
+    """Open a scene: read its header and check the sizes of its files.
+
+    Parameters
+    ----------
+    path : path-like
+        The store, a folder that `SceneWriter` or `convert` made; or the file of a sharded scene,
+        whose stores are opened as the groups of one scene.
+    client : distributed.Client or True, optional
+        Leave the shards of a sharded scene with the workers of a Dask cluster: only they open
+        them, and rays go there. True is the current client.
+
+    Returns
+    -------
+    Scene or ShardedScene
+        It holds the header only; no object is read. With a client, it is a `ShardedScene`.
+
+    Raises
+    ------
+    StoreError
+        If it is no store, of another version, damaged or truncated, or a shard is; or if a shard
+        is another store than the one that the scene was made with. With a client the message
+        names a worker.
+    StreamError
+        If the system refuses to read it.
+    SettingError
+        If there is no such client, or the scene is not sharded.
+    """
+    return open_here(path) if client is None else ShardedScene(path, client)

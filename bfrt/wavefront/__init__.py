@@ -1,0 +1,16 @@
+"""Rays that travel: a sharded scene on many machines, each of which has some of its shards.
+
+::
+
+    client                                           a worker, with some shards
+    rays ─► records, in blocks ─► routing: entries    ┌──────────────────────────────────────┐
+              ▲                     │ nearest first   │ ShardPlace ─► Session on these shards │
+              │  (t, id) nearer?    └─ cargo ────────►│ trace, with the hit so far            │
+              └──────── surfaces, counts ◄── cargo ───│ normals and uv of nearer hits         │
+                                                      └──────────────────────────────────────┘
+
+A ray goes to the carriers, workers with some shards, whose bounds it meets, the nearest first, with
+the nearest hit that it has. It goes no further where the next bounds begin behind that hit. What
+counts is the least (t, id), so that no order of arrival changes the answer. Of the geometry nothing
+travels.
+"""

@@ -1,0 +1,124 @@
+"""Carriers: workers of a cluster with the shards that each of them answers for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bfrt.cluster.place import Place
+from bfrt.errors import BfrtError, StoreError
+from bfrt.shards.manifest import Manifest, read_manifest
+from bfrt.shards.store import ShardedStore, open_shard, open_sharded
+
+
+@dataclass(frozen=True)
+class ShardPlace(Place):
+    """Says where a sharded scene is, and which of its shards are meant.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        The shards, by their places in the file.
+    """
+
+    numbers: tuple[int, ...]
+
+    def open(self) -> ShardedStore:
+        """Open these shards; as `Place.open`."""
+        store = open_sharded(Path(self.path), self.numbers)
+        if store.checksum != self.checksum:
+            raise StoreError(
+                f"{self.path}: found the scene {store.checksum:08x}, expected "
+                f"{self.checksum:08x}, which was opened under this name"
+            )
+        return store
+
+
+class Carrier(NamedTuple):
+    """Names some shards, and the workers that have them.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        The shards.
+    workers : tuple of str
+        Addresses: the first one answers, and the others where it has ended.
+    """
+
+    numbers: tuple[int, ...]
+    workers: tuple[str, ...]
+
+
+class Sight(NamedTuple):
+    """Tells what a worker sees of a scene.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        The shards that it can open.
+    fault : str
+        What is wrong with the first of the others; "" where all can be opened.
+    """
+
+    numbers: tuple[int, ...]
+    fault: str
+
+
+def seen(path: str) -> Sight:
+    """Return what this process sees of a scene."""
+    try:
+        manifest, _ = read_manifest(Path(path))
+    except (BfrtError, OSError) as error:
+        return Sight((), str(error))
+    numbers, fault = [], ""
+    for number in range(len(manifest.shards)):
+        try:
+            open_shard(Path(path), manifest, number).folder.close()
+        except (BfrtError, OSError) as error:
+            fault = fault or str(error)
+        else:
+            numbers.append(number)
+    return Sight(tuple(numbers), fault)
+
+
+def carriers_of(client: Any, path: str, manifest: Manifest) -> list[Carrier]:
+    """Part the shards of a scene among the workers that see them, by numbers of objects.
+
+    Raises
+    ------
+    StoreError
+        If a shard is seen by none; the message names a worker and the shard.
+    """
+    sights: dict[str, Sight] = client.run(seen, path)
+    return shared_out(manifest, sights)
+
+
+def shared_out(manifest: Manifest, sights: Mapping[str, Sight]) -> list[Carrier]:
+    """Return the carriers for what each worker, by its address, sees; else as `carriers_of`."""
+    loads = dict.fromkeys(sights, 0)
+    own: dict[str, list[int]] = {worker: [] for worker in sights}
+    shards = manifest.shards
+    for number in sorted(range(len(shards)), key=lambda n: (-shards[n].objects, n)):
+        able = [worker for worker, sight in sights.items() if number in sight.numbers]
+        if not able:
+            worker, sight = next(iter(sights.items()), ("no worker", Sight((), "there is none")))
+            raise StoreError(f"{worker}: shard {number} cannot be opened: {sight.fault}")
+        least = min(able, key=lambda worker: (loads[worker], worker))
+        loads[least] += shards[number].objects + 1
+        own[least].append(number)
+    return [
+        Carrier(tuple(sorted(numbers)), (worker, *_others(worker, numbers, sights)))
+        for worker, numbers in own.items()
+        if numbers
+    ]
+
+
+def _others(worker: str, numbers: Iterable[int], sights: Mapping[str, Sight]) -> list[str]:
+    """Return the other workers that see all of some shards."""
+    return [
+        each
+        for each, sight in sights.items()
+        if each != worker and set(numbers) <= set(sight.numbers)
+    ]

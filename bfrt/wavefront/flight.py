@@ -1,0 +1,221 @@
+"""Blocks of rays under way: each goes from carrier to carrier, and many go at once."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bfrt.cluster.counters import ClusterStats, Part, summed
+from bfrt.cluster.watching import Watch
+from bfrt.queries.surfaces import SURFACE
+from bfrt.records import NO_HIT, QUERY_RAY
+from bfrt.wavefront.cargo import Cargo
+from bfrt.wavefront.carriers import Carrier
+from bfrt.wavefront.routing import Boxes, entries
+from bfrt.wavefront.tasks import Find, Trace, Traced
+
+#: Rays of a block: 5.8 MB.
+BLOCK = 65536
+
+#: Blocks under way for each carrier: one is traced while another travels.
+AHEAD = 2
+
+Records = NDArray[Any]
+
+
+@dataclass
+class Travel:
+    """Counts what goes between the client and the workers.
+
+    Attributes
+    ----------
+    rays : int
+        Rays sent: each as often as it goes to a carrier.
+    found : int
+        Records that come back: hits, counts, or rays that something stops.
+    legs : int
+        Tasks.
+    bytes_sent, bytes_received : int
+        Of the records, as they travel.
+    """
+
+    rays: int = 0
+    found: int = 0
+    legs: int = 0
+    bytes_sent: int = 0
+    bytes_received: int = 0
+
+
+@dataclass
+class TravelStats(ClusterStats):
+    """Holds the counters of all workers, and what has travelled.
+
+    Attributes
+    ----------
+    travel : Travel
+    """
+
+    travel: Travel = field(default_factory=Travel)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the counters under the keys that the documentation lists, ready for JSON."""
+        return {**super().as_dict(), "travel": asdict(self.travel)}
+
+
+class Block:
+    """Holds the rays of a block, where they still have to go, and what they have found.
+
+    Parameters
+    ----------
+    rays : (n,) records.QUERY_RAY
+        Of consecutive numbers.
+    entries : (n, carriers) float64
+        Where each comes to a carrier's shards.
+    find : Find
+
+    Attributes
+    ----------
+    found : ndarray
+        NEAREST: (n,) of SURFACE, whose key is `NO_HIT` for a miss. ANY: (n,) bool. COUNT: (n,)
+        int64. ALL: (m,) of SURFACE, in any order.
+    """
+
+    def __init__(self, rays: Records, entries: NDArray[np.float64], find: Find) -> None:
+        self.rays = rays
+        self.first = int(rays["number"][0])
+        self._entries = entries
+        self._find = find
+        self.found: Records = _nothing(len(rays), find)
+
+    def departures(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
+        """Yield carriers, and the rays that go to each next: none goes to two where one is enough.
+
+        A ray that begins behind its end, as a bad one does, goes nowhere.
+        """
+        goes = self._entries <= self.rays["t"][:, None]
+        goes &= self._entries < np.inf
+        if self._find in (Find.NEAREST, Find.ANY):
+            nearest = self._entries.argmin(axis=1)
+            goes &= np.arange(goes.shape[1]) == nearest[:, None]
+        for carrier in np.flatnonzero(goes.any(axis=0)).tolist():
+            rays = np.flatnonzero(goes[:, carrier])
+            self._entries[rays, carrier] = np.inf
+            yield carrier, rays
+
+    def take(self, records: Records) -> None:
+        """Take what a carrier has found."""
+        if self._find is Find.ALL:
+            self.found = np.concatenate([self.found, records])
+            return
+        at = records["number"].astype(np.int64) - self.first
+        if self._find is Find.COUNT:
+            self.found[at] += records["count"]
+        elif self._find is Find.ANY:
+            self.found[at] = True
+            self.rays["t"][at] = -1.0
+        else:
+            self.rays["t"][at], self.rays["id"][at] = records["near"], records["id"]
+            for name in SURFACE.names or ():
+                self.found[name][at] = records[name]
+
+
+def _nothing(n: int, find: Find) -> Records:
+    """Return what a block has found before it departs."""
+    if find is Find.ANY:
+        return np.zeros(n, np.bool_)
+    if find is Find.COUNT:
+        return np.zeros(n, np.int64)
+    found = np.zeros(n if find is Find.NEAREST else 0, SURFACE)
+    found["t"], found["key"] = np.inf, NO_HIT
+    return found
+
+
+class Flights:
+    """Takes blocks of rays to carriers and back, several at once, and yields them in order.
+
+    Parameters
+    ----------
+    watch : Watch
+    carriers : list of Carrier
+    boxes : list of (m, 2, 3) float64
+        Of each carrier's shards.
+    tasks : list of Trace
+        Each carrier's.
+
+    Attributes
+    ----------
+    travel : Travel
+    parts : list of Part
+        The counters of all tasks.
+    """
+
+    def __init__(
+        self, watch: Watch, carriers: list[Carrier], boxes: list[Boxes], tasks: list[Trace]
+    ) -> None:
+        self.travel = Travel()
+        self.parts: list[Part] = []
+        self._watch = watch
+        self._carriers = carriers
+        self._boxes = boxes
+        self._tasks = tasks
+
+    def fly(self, blocks: Iterator[Records]) -> Iterator[Block]:
+        """Yield blocks of rays, (n,) of records.QUERY_RAY, in order, with what they have found."""
+        flying: deque[tuple[Block, list[Any]]] = deque()
+        for rays in blocks:
+            block = Block(rays, self._entries(rays), self._tasks[0].find)
+            flying.append((block, self._depart(block)))
+            while len(flying) > AHEAD * len(self._carriers):
+                yield self._land(*flying.popleft())
+        while flying:
+            yield self._land(*flying.popleft())
+
+    def _entries(self, rays: Records) -> NDArray[np.float64]:
+        return np.stack([entries(rays, boxes).min(axis=1) for boxes in self._boxes], axis=1)
+
+    def _depart(self, block: Block) -> list[Any]:
+        """Send rays to where they go next; return the tasks."""
+        futures = []
+        for carrier, which in block.departures():
+            cargo = Cargo.of(block.rays[which])
+            self.travel.rays += len(which)
+            self.travel.bytes_sent += len(cargo)
+            self.travel.legs += 1
+            what = f"trace-{self.travel.legs}"
+            workers = list(self._carriers[carrier].workers)
+            futures += self._watch.begin(self._tasks[carrier], [cargo], what, workers)
+        return futures
+
+    def _land(self, block: Block, futures: list[Any]) -> Block:
+        """Wait until a block's rays have been everywhere."""
+        while futures:
+            for future in futures:
+                traced: Traced = self._watch.result(future)
+                records = traced.cargo.records(self._tasks[0].find.value)
+                self.travel.found += len(records)
+                self.travel.bytes_received += len(traced.cargo)
+                self.parts.append(traced.part)
+                block.take(records)
+            futures = self._depart(block)
+        return block
+
+    def stats(self, settings: dict[str, Any], objects: int) -> TravelStats:
+        """Return the sum of all counters."""
+        made = TravelStats(objects, 0, settings, travel=self.travel)
+        if self.parts:
+            whole = summed(self.parts)
+            made = TravelStats(
+                **{**vars(whole), "objects": objects, "scene_bytes": 0}, travel=self.travel
+            )
+        return made
+
+
+def blocks_of(queue: Any) -> Iterator[Records]:
+    """Yield the rays of a queue, in blocks."""
+    while len(queue):
+        yield queue.read(BLOCK).view(QUERY_RAY)
