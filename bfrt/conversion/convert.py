@@ -213,17 +213,15 @@ def convert(
         uses=Uses(len(sources)),
     )
     asked = None if memory is None else parse_memory(memory)
-    budget = default_memory() if asked is None else asked
+    budget = asked or default_memory()
     writing = writing_of(sources, target, dtype, hierarchy, order)
     conversion = Conversion(sources, reading, budget, writing, durable)
     with in_memory(f"{conversion.names}: converting", budget):
         if is_sharded(target, shards, client):
             refuse_checkpoint(checkpoint)
             scene = Sharding(conversion, shards, asked).run(maker_of(sources, client, progress))
-        elif checkpoint is None:
-            scene = write_scene(conversion, progress)
         else:
-            scene = go_on(conversion, checkpoint, every, progress)
+            scene = written(conversion, checkpoint, every, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
@@ -236,13 +234,15 @@ def maker_of(sources: tuple[SceneSource, ...], client: Any, progress: DoneReport
     return by_workers(client_of(client), sources, progress)
 
 
-def go_on(
+def written(
     conversion: Conversion,
-    checkpoint: PathLike | Checkpoint,
+    checkpoint: PathLike | Checkpoint | None,
     every: float,
     progress: DoneReport | None,
 ) -> Scene:
-    """Write the sources as `write_scene` does, from where the state in a checkpoint ends."""
+    """Write the sources to one store, from where the state in a checkpoint ends, if there is one."""
+    if checkpoint is None:
+        return write_scene(conversion, progress)
     check_can_be_kept(conversion.files)
     if not isinstance(checkpoint, Checkpoint):
         check_apart(conversion.writing.target, checkpoint)

@@ -178,7 +178,8 @@ def joined(
     systems = sorted({store.crs for store in stores if store.crs})
     if len(systems) > 1:
         raise StoreError(
-            f"{path}: found shards in {' and in '.join(systems):.200}, expected one reference system"
+            f"{path}: found shards in {' and in '.join(systems):.200}, expected one reference "
+            "system"
         )
     materials = 0
     groups: list[Group] = []
