@@ -24,7 +24,7 @@ LONG = {
     "formats/_nff.pyx": "one parser, of one class",
 }
 
-#: What callers use has a parameter for each setting.
+#: What callers use has a parameter for each setting, in a line of its own, which does not count.
 PUBLIC = {
     "scene.py", "sharded.py", "conversion/convert.py", "settings.py", "terrain/viewshed.py",
 }  # fmt: skip
@@ -110,8 +110,9 @@ def test_files_and_functions_are_small(source):
     lines = (ROOT / source).read_text().count("\n")
     assert (lines > MOST_LINES) == (str(source) in LONG)
     for function in functions(source):
-        assert function.lines <= MOST_LINES_OF_A_FUNCTION, function
-        if str(source) not in PUBLIC:
+        settings = function.parameters if str(source) in PUBLIC else 0
+        assert function.lines - settings <= MOST_LINES_OF_A_FUNCTION, function
+        if not settings:
             assert function.parameters <= MOST_PARAMETERS, function
 
 

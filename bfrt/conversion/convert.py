@@ -240,7 +240,7 @@ def written(
     every: float,
     progress: DoneReport | None,
 ) -> Scene:
-    """Write the sources to one store, from where the state in a checkpoint ends, if there is one."""
+    """Write the sources to one store, from where the state in a checkpoint ends, if any."""
     if checkpoint is None:
         return write_scene(conversion, progress)
     check_can_be_kept(conversion.files)
