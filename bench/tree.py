@@ -303,7 +303,7 @@ def costs(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-WORKS = {"scenes": scenes, "random": at_random, "rays": loaded, "costs": costs}
+WORKS = {"scenes": scenes, "huge": huge, "random": at_random, "rays": loaded, "costs": costs}
 
 
 def main() -> None:
