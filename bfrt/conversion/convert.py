@@ -97,6 +97,7 @@ class Conversion:
             (0.0, 0.0, 0.0) if self.is_plain else None,
             self.hierarchy or (Hierarchy() if first is None else first.hierarchy),
             self.order,
+            self.memory,
         )
 
     @property
@@ -334,7 +335,7 @@ def open_writer(conversion: Conversion) -> SceneWriter:
     how = conversion.writing
     return SceneWriter(
         how.target, dtype=how.dtype, origin=how.origin, hierarchy=how.hierarchy, order=how.order,
-        durable=conversion.durable,
+        durable=conversion.durable, memory=how.memory,
     )  # fmt: skip
 
 

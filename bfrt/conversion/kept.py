@@ -37,7 +37,7 @@ from bfrt.scene import PathLike, SceneWriter
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.making import Order
+from bfrt.store.making import Making, Order
 from bfrt.store.model import Camera, Light
 from bfrt.store.palette import KEY_NUMBERS, SavedPalette
 from bfrt.store.record_writer import RecordWriter, SavedRecords
@@ -70,6 +70,8 @@ class Writing(NamedTuple):
         As for `SceneWriter`.
     hierarchy : Hierarchy
     order : {"given", "spatial", "auto"}
+    memory : int
+        The budget of the whole process, bytes.
     """
 
     target: PathLike
@@ -77,6 +79,7 @@ class Writing(NamedTuple):
     origin: Any
     hierarchy: Hierarchy
     order: Order
+    memory: int
 
 
 class KeptWriter(SceneWriter):
@@ -102,8 +105,9 @@ class KeptWriter(SceneWriter):
         origin = writing.origin if saved is None or saved.origin is None else saved.origin
         coordinates = Coordinates(writing.dtype, origin)
         place = AtomicFolder(self.path, True, folder)
+        making = Making(writing.hierarchy, writing.order, True, writing.memory)
         ViewWriter.__init__(self)
-        RecordWriter.__init__(self, place, coordinates, writing.hierarchy, writing.order, saved)
+        RecordWriter.__init__(self, place, coordinates, making, saved)
 
     def _may_settle(self, last: bool) -> bool:
         return self._save(last)

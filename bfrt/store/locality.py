@@ -11,8 +11,11 @@ from bfrt.store.extent import NOTHING, Bounds, bounds_of
 TOGETHER = 1 << 17
 
 #: Windows' surfaces, as multiples of what they are in the best order, up to which an order is
-#: local.
-LOCAL = 2.0
+#: local: along a Morton curve they are up to 2.5. In random order they are the number of windows
+#: to the power 2/3; where that is little an order is local up to the part of it below, but for
+#: the few windows of which each is a half of all.
+FEWEST, MOST = 2.0, 3.0
+OF_RANDOM = 0.5
 
 
 class Locality:
@@ -53,4 +56,10 @@ class Locality:
         windows = self._windows + (self._held > 0)
         whole: Bounds = self._all.union(self._window)
         surfaces = self._surfaces + self._window.surface
-        return bool(surfaces <= LOCAL * whole.surface * windows ** (1 / 3))
+        best = whole.surface * windows ** (1 / 3)
+        return bool(surfaces <= threshold(windows) * best)
+
+
+def threshold(windows: int) -> float:
+    """Return the multiple of the best surfaces of so many windows up to which an order is local."""
+    return max(FEWEST, min(MOST, OF_RANDOM * windows ** (2 / 3)))

@@ -26,8 +26,7 @@ from bfrt.store.coordinates import Coordinates
 from bfrt.store.extent import Bounds, check_extent
 from bfrt.store.given import records_of, vertices_of
 from bfrt.store.group import GroupWriter
-from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.making import Making, Order, checked_order
+from bfrt.store.making import Making
 from bfrt.store.model import Material, Vector
 from bfrt.store.palette import PaletteWriter, SavedPalette, record_of
 from bfrt.store.store import PALETTE, bounds_to
@@ -67,10 +66,8 @@ class RecordWriter:
         The store's folder, which is created.
     coordinates : Coordinates
         How coordinates are stored.
-    hierarchy : Hierarchy
-        Settings of the box hierarchy.
-    order : {"given", "spatial", "auto"}
-        The order in which objects are stored.
+    making : Making
+        How groups are made.
     saved : SavedRecords, optional
         What to go on from; the files are in the folder.
     """
@@ -79,13 +76,12 @@ class RecordWriter:
         self,
         folder: AtomicFolder,
         coordinates: Coordinates,
-        hierarchy: Hierarchy,
-        order: Order,
+        making: Making,
         saved: SavedRecords | None = None,
     ) -> None:
         self._folder = folder
         self._coordinates = coordinates
-        self._making = Making(hierarchy, checked_order(order), folder.durable)
+        self._making = making
         self._groups: list[GroupWriter | WrittenGroup] = []
         self._open = True
         try:
@@ -354,6 +350,8 @@ class RecordWriter:
         for number in range(len(self._groups)):
             self.complete_group(number)
         self._palette.forget()
+        for group in self._written:
+            group.check_memory(origin, str(self._folder.path))
         make_all(self._written, origin, progress, self._may_settle)
         groups = [group.header() for group in self._written]
         palette = self._palette.close()

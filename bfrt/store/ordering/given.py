@@ -28,16 +28,19 @@ class GivenFiles(NamedTuple):
         Number of them.
     records : int
         Objects again, or vertices of polygons.
+    largest : int
+        Records of an object at the most.
     """
 
     folder: Path
     layout: Layout
     objects: int
     records: int
+    largest: int = 1
 
     def amount(self, local: bool) -> Amount:
         """Count what it has."""
-        return Amount(self.objects, self.records, local)
+        return Amount(self.objects, self.records, local, self.largest)
 
     def room(self, local: bool) -> Room:
         """Work out the room on disk of its ordering."""
