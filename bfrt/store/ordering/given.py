@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
 from bfrt.refusals import calling, closing, refused
-from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, bytes_for, few_at_once
 from bfrt.store.ordering.room import Amount, Room, room_of
 
 
@@ -89,7 +89,7 @@ class _Column:
 
     def read(self, records: int, size: int) -> NDArray[np.uint8]:
         """Return the next records of `size` bytes."""
-        made = np.empty(records * size, np.uint8)
+        made = bytes_for(records * size)
         done = 0
         while done < len(made):
             try:

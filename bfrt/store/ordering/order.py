@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bfrt.progress import Passes
 from bfrt.store.extent import Bounds
+from bfrt.store.ordering._loops import give_back
 from bfrt.store.ordering.files import OrderedFiles, ordered_folder
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.memory import Pace
@@ -92,6 +93,7 @@ class Ordering:
         # All are read to be written; those that are parted are counted before.
         passes.begin(self._given.objects, 3 if self._parted else 2)
         pace = self._pace
+        give_back()  # what was taken while objects came
         means = Means(self._given.folder.parent, pace.threads, WINDOW, pace.waiting)
         way = by_place if self._parted else as_they_come
         if self._files.done:
@@ -117,6 +119,7 @@ class Ordering:
         for block in self._given.blocks():
             yield block
             self._passes.add(block.number)
+            del block  # before the next is read
 
     def _look(self, ids: NDArray[np.uint64], first: int) -> None:
         """See which of some objects, whose places begin at `first`, are asked for."""

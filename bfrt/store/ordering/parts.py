@@ -158,6 +158,7 @@ def as_they_come(source: Source, means: Means) -> Generator[Objects, None, None]
                 yield window
                 del window
             first = last
+        del some  # before the next block is read
     if held is not None:
         yield held.taken()
 
