@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bfrt.checkpoint.checkpoint import Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of_conversion
 from bfrt.conversion.kept import EVERY, KeptConversion, Writing, check_can_be_kept, find_state
@@ -23,7 +25,7 @@ from bfrt.conversion.sources import (
 )
 from bfrt.errors import SceneError
 from bfrt.formats.reading import RGB, Reading, Uses
-from bfrt.formats.room import need_of, rooms_for
+from bfrt.formats.room import Need, need_of, ordering_of, ordering_of_objects, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
 from bfrt.paths import check_apart, facts_at, path_of, without_links
@@ -321,13 +323,20 @@ def rooms_of(conversion: Conversion) -> list[int]:
     BudgetError
         If the budget is less than the least that works for all.
     """
-    colored = conversion.reading.color_by == RGB
-    sizes = [
-        s.scene.store_bytes if isinstance(s, StandardScene) else None for s in conversion.sources
-    ]
-    sized = zip(conversion.sources, sizes, strict=True)
-    needs = [need_of(source.name, size, colored=colored) for source, size in sized]
-    return rooms_for(needs, conversion.memory)
+    return rooms_for([need_for(conversion, each) for each in conversion.sources], conversion.memory)
+
+
+def need_for(conversion: Conversion, source: SceneSource) -> Need:
+    """Work out what the conversion of a source takes, its objects' order included."""
+    colored, ordered = conversion.reading.color_by == RGB, conversion.order != "given"
+    wide = conversion.writing.dtype not in ("float32", np.float32)
+    if isinstance(source, StandardScene):
+        counts = source.scene.counts.items() if ordered else ()
+        leasts = [ordering_of_objects(kind, count, wide=wide) for kind, count in counts]
+        size = source.scene.store_bytes
+        return need_of(source.name, size, colored=colored, ordering=max(leasts, default=0))
+    ordering = ordering_of(source.name, wide=wide) if ordered else 0
+    return need_of(source.name, colored=colored, ordering=ordering)
 
 
 def open_writer(conversion: Conversion) -> SceneWriter:

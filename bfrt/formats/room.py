@@ -4,6 +4,9 @@ Beside the process there are blocks: those that are read, that objects are made 
 threads, and that are written. They are of fixed sizes, and a small file does not fill them::
 
     memory = BASELINE + libraries + blocks, at most GROWTH times the file + room
+
+When all is read these are gone, and objects are brought into spatial order, unless the order given
+is asked for, which takes less than the rest or more (bfrt/store/ordering/memory.py).
 """
 
 from __future__ import annotations
@@ -16,6 +19,10 @@ from typing import NamedTuple
 from bfrt.errors import BudgetError, StreamError
 from bfrt.memory import BASELINE, format_memory
 from bfrt.paths import UNKNOWN, facts_at
+from bfrt.records import Kind
+from bfrt.store.ordering.memory import SLOWEST, memory_of
+from bfrt.store.ordering.objects import SHORT_IDS, Layout
+from bfrt.store.ordering.room import Amount
 
 #: The fewest bytes of vertices that are worth a pass over a mesh that has more of them.
 FEWEST = 8 << 20
@@ -24,6 +31,8 @@ FEWEST = 8 << 20
 GROWTH = 64
 VERTICES = 8
 
+#: Bytes of an object in a file, at the least: a face of three corners, by one byte each.
+FEWEST_BYTES = 4
 
 #: Corners of a face that the blocks have room for, and what each more takes: while it is read, in
 #: the block that is written, and while it is brought into order (measured: 75 to 100 bytes).
@@ -47,18 +56,22 @@ class Taken(NamedTuple):
         Bytes of the least room for vertices.
     packed : bool
         Whether a file holds more than its bytes tell.
+    kind : Kind
+        Of the kinds that it may hold, that whose ordering takes most.
     """
 
     blocks: int
     library: int = 0
     fewest: int = 0
     packed: bool = False
+    kind: Kind = Kind.PATCH
 
 
 OBJECTS = Taken(48 << 20)
+POINTS = OBJECTS._replace(kind=Kind.SPHERE)
 MESH = Taken(84 << 20, fewest=FEWEST)
 HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
-LAS = OBJECTS._replace(library=4 << 20)
+LAS = POINTS._replace(library=4 << 20)
 
 #: A palette's writer remembers materials that may come again, 65,536 at the most.
 MATERIALS = 32 << 20
@@ -66,6 +79,8 @@ MATERIALS = 32 << 20
 #: By suffix; all others have objects as they are.
 FORMATS = {
     ".nff": OBJECTS._replace(blocks=OBJECTS.blocks + MATERIALS),
+    ".npy": POINTS,
+    ".stl": OBJECTS._replace(kind=Kind.TRIANGLE),
     ".ply": MESH,
     ".obj": MESH,
     ".npz": MESH._replace(packed=True),
@@ -85,16 +100,27 @@ class Need(NamedTuple):
         Name of the file, or of the scene that is converted.
     blocks : int
         Bytes, beside the room.
-    least : int
-        Bytes of the least budget that works.
+    reading : int
+        Bytes of the least budget that works where objects are left in the order given.
+    ordering : int
+        Bytes of the least budget with which they can be brought into spatial order; 0 where they
+        are not.
     """
 
     name: str
     blocks: int
-    least: int
+    reading: int
+    ordering: int = 0
+
+    @property
+    def least(self) -> int:
+        """Return the bytes of the least budget that works."""
+        return max(self.reading, self.ordering)
 
 
-def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Need:
+def need_of(
+    name: str, size: int | None = None, *, colored: bool = False, ordering: int = 0
+) -> Need:
     """Work out what a file's conversion takes.
 
     Parameters
@@ -105,12 +131,46 @@ def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Nee
         Bytes that are converted, where they are no file's.
     colored : bool
         Whether the file's own colors are taken.
+    ordering : int
+        Bytes of the least budget with which its objects can be brought into spatial order.
     """
-    taken = FORMATS.get(".nff" if name == "-" else Path(name).suffix.lower(), OBJECTS)
+    taken = taken_by(name)
     full = math.inf if taken.packed else size_of(name) if size is None else size
     most = taken.blocks + (COLORS if colored else 0)
     blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
-    return Need(name, blocks, blocks + int(min(taken.fewest, VERTICES * full)))
+    return Need(name, blocks, blocks + int(min(taken.fewest, VERTICES * full)), ordering)
+
+
+def taken_by(name: str) -> Taken:
+    """Return what the reader of a file's format takes."""
+    return FORMATS.get(".nff" if name == "-" else Path(name).suffix.lower(), OBJECTS)
+
+
+def ordering_of(name: str, *, wide: bool) -> int:
+    """Return the least budget with which any file of a format and size can be ordered, bytes.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, which is not read.
+    wide : bool
+        Whether coordinates may be float64.
+    """
+    taken = taken_by(name)
+    full = math.inf if taken.packed else size_of(name)
+    objects = int(min(SHORT_IDS, full // FEWEST_BYTES))
+    return ordering_of_objects(taken.kind, objects, wide=wide)
+
+
+def ordering_of_objects(kind: Kind, objects: int, *, wide: bool) -> int:
+    """Return the least budget with which objects of a kind can be ordered, bytes.
+
+    Polygons have four vertices each; nothing is known of their order.
+    """
+    layout = Layout(kind, wide, (0.0, 0.0, 0.0))
+    corners = 4 if kind.counted else 1
+    either = (Amount(objects, corners * objects, local, corners) for local in (True, False))
+    return max(memory_of(layout, amount, SLOWEST) for amount in either)
 
 
 def rooms_for(needs: list[Need], memory: int) -> list[int]:
@@ -123,9 +183,13 @@ def rooms_for(needs: list[Need], memory: int) -> list[int]:
     """
     most = max(needs, key=lambda need: need.least)
     if memory < most.least:
+        given = max(need.reading for need in needs)
+        or_given = ""
+        if given < most.least:
+            or_given = f", or {format_memory(given)} in the order given (--order given)"
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(most.least)} or more to "
-            f"convert {most.name}"
+            f"convert {most.name}{or_given}"
         )
     return [memory - need.blocks for need in needs]
 

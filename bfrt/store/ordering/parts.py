@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.store.extent import NOTHING, Bounds, bounds_of
-from bfrt.store.ordering._loops import codes_of
+from bfrt.store.ordering._loops import codes_of, give_back
 from bfrt.store.ordering.objects import Filling, Layout, Objects
 from bfrt.store.ordering.regions import Regions, object_bytes
 from bfrt.workers import WAITING, ahead
@@ -184,6 +184,7 @@ def by_place(source: Source, means: Means) -> Generator[Objects, None, None]:
     try:
         around = _fill(regions, part_of, heavy, source, means)
         del part_of
+        give_back()
         for part in filled:
             if part == picked:
                 choices = (*source.choices, choice)
@@ -207,6 +208,7 @@ def _plan(source: Source, means: Means) -> Plan:
     """Count all objects, and decide what the parts are."""
     layout = source.layout
     counted = _counted(source, means)
+    give_back()
     part_of, parts = _parts(counted[0], means.window)
     weights, objects, records = (
         np.bincount(part_of, each, parts).astype(np.int64) for each in counted
