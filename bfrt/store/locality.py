@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,4 +64,4 @@ class Locality:
 
 def threshold(windows: int) -> float:
     """Return the multiple of the best surfaces of so many windows up to which an order is local."""
-    return max(FEWEST, min(MOST, OF_RANDOM * windows ** (2 / 3)))
+    return max(FEWEST, min(MOST, OF_RANDOM * math.pow(windows, 2 / 3)))
