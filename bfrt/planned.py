@@ -352,7 +352,7 @@ def _ordering(ordering: OrderingPlan) -> Rows:
             f"<= {_mb(ordering.disk)}",
             _mb(ordering.bytes_read),
             _mb(ordering.bytes_written),
-            f"{ordering.memory / 2**20:,.0f}",
+            f"{ordering.memory_least / 2**20:,.0f} to {ordering.memory / 2**20:,.0f}",
             f"{ordering.seconds:.2f}",
         ),
     ]

@@ -25,7 +25,7 @@ LONG = {
 }
 
 #: What callers use has a parameter for each setting.
-PUBLIC = {"scene.py", "conversion/convert.py", "settings.py"}
+PUBLIC = {"scene.py", "conversion/convert.py", "settings.py", "store/writer.py"}
 
 DEFINITION = re.compile(r"^( *)(?:cdef|cpdef|def)\b[^=\n]*?(\w+)\s*\(")
 NO_FUNCTION = ("cdef struct", "cdef packed", "cdef class", "cdef enum", "cdef extern", "cdef union")

@@ -185,7 +185,7 @@ def rooms_for(needs: list[Need], memory: int) -> list[int]:
     if memory < most.least:
         given = max(need.reading for need in needs)
         or_given = ""
-        if given < most.least:
+        if format_memory(given) != format_memory(most.least):
             or_given = f", or {format_memory(given)} in the order given (--order given)"
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(most.least)} or more to "
