@@ -25,7 +25,7 @@ from bfrt.conversion.sources import (
 )
 from bfrt.errors import SceneError
 from bfrt.formats.reading import RGB, Reading, Uses
-from bfrt.formats.room import Need, need_of, ordering_of, ordering_of_objects, rooms_for
+from bfrt.formats.room import Need, need_of, ordering_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.memory import default_memory, parse_memory
 from bfrt.paths import check_apart, facts_at, path_of, without_links
@@ -35,6 +35,7 @@ from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Order, checked_order
+from bfrt.store.ordering.memory import least_memory
 from bfrt.workers import usable_threads
 
 log = logging.getLogger(__name__)
@@ -169,8 +170,9 @@ def convert(
         that is done the disk needs up to three times the store's bytes.
     memory : str or int, optional
         The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
-        machine's memory, or of its cgroup's limit. The least depends on the files: 53 MiB for small
-        ones. A mesh whose vertices take more is joined on disk, in forward passes.
+        machine's memory, or of its cgroup's limit. The least depends on the files, 53 MiB for small
+        ones, and on the order: the order given may take less. A mesh whose vertices take more is
+        joined on disk, in forward passes. The store is the same whatever the budget is.
     scratch : path-like, optional
         Folder for the temporary files of such a join. By default the target's parent.
     radius : float or str, optional
@@ -332,7 +334,7 @@ def need_for(conversion: Conversion, source: SceneSource) -> Need:
     wide = conversion.writing.dtype not in ("float32", np.float32)
     if isinstance(source, StandardScene):
         counts = source.scene.counts.items() if ordered else ()
-        leasts = [ordering_of_objects(kind, count, wide=wide) for kind, count in counts]
+        leasts = [least_memory(kind, count, wide=wide) for kind, count in counts]
         size = source.scene.store_bytes
         return need_of(source.name, size, colored=colored, ordering=max(leasts, default=0))
     ordering = ordering_of(source.name, wide=wide) if ordered else 0

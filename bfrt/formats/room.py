@@ -20,9 +20,8 @@ from bfrt.errors import BudgetError, StreamError
 from bfrt.memory import BASELINE, format_memory
 from bfrt.paths import UNKNOWN, facts_at
 from bfrt.records import Kind
-from bfrt.store.ordering.memory import SLOWEST, memory_of
-from bfrt.store.ordering.objects import SHORT_IDS, Layout
-from bfrt.store.ordering.room import Amount
+from bfrt.store.ordering.memory import least_memory
+from bfrt.store.ordering.objects import SHORT_IDS
 
 #: The fewest bytes of vertices that are worth a pass over a mesh that has more of them.
 FEWEST = 8 << 20
@@ -159,18 +158,7 @@ def ordering_of(name: str, *, wide: bool) -> int:
     taken = taken_by(name)
     full = math.inf if taken.packed else size_of(name)
     objects = int(min(SHORT_IDS, full // FEWEST_BYTES))
-    return ordering_of_objects(taken.kind, objects, wide=wide)
-
-
-def ordering_of_objects(kind: Kind, objects: int, *, wide: bool) -> int:
-    """Return the least budget with which objects of a kind can be ordered, bytes.
-
-    Polygons have four vertices each; nothing is known of their order.
-    """
-    layout = Layout(kind, wide, (0.0, 0.0, 0.0))
-    corners = 4 if kind.counted else 1
-    either = (Amount(objects, corners * objects, local, corners) for local in (True, False))
-    return max(memory_of(layout, amount, SLOWEST) for amount in either)
+    return least_memory(taken.kind, objects, wide=wide)
 
 
 def rooms_for(needs: list[Need], memory: int) -> list[int]:

@@ -28,6 +28,7 @@ from bfrt.store.given import records_of, vertices_of
 from bfrt.store.group import GroupWriter
 from bfrt.store.making import Making
 from bfrt.store.model import Material, Vector
+from bfrt.store.ordering.memory import check_memory, least_memory
 from bfrt.store.palette import PaletteWriter, SavedPalette, record_of
 from bfrt.store.store import PALETTE, bounds_to
 from bfrt.store.written import WrittenGroup, make_all
@@ -116,8 +117,14 @@ class RecordWriter:
         ------
         SettingError
             If objects were added already.
+        BudgetError
+            If the budget is below the least with which they can be brought into order.
         """
         self._group(0).expect(counts, surface)
+        if self._making.order != "given":
+            wide = self._coordinates.always_wide
+            leasts = [least_memory(kind, count, wide=wide) for kind, count in counts.items()]
+            check_memory(max(leasts, default=0), self._making.memory, str(self._folder.path))
 
     def material(self, material: Material) -> int:
         """Add a material to the palette; return its index.

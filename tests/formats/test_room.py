@@ -144,7 +144,7 @@ def test_standard_scenes_have_a_least_too(tmp_path):
     said = r"expected 102MiB or more to convert spd:tetra:9, or 100MiB in the order given \(--order"
     with pytest.raises(BudgetError, match=said):
         bfrt.convert("spd:tetra:9", tmp_path / "x.bfrt", memory="101MiB")
-    with pytest.raises(BudgetError, match="expected 100MiB or more to convert spd:tetra:9$"):
+    with pytest.raises(BudgetError, match=r"expected 100MiB or more to convert spd:tetra:9$"):
         bfrt.convert("spd:tetra:9", tmp_path / "x.bfrt", memory="99MiB", order="given")
     assert not list(tmp_path.iterdir())
     assert bfrt.convert("spd:tetra:1", tmp_path / "x.bfrt", memory="53MiB").objects == 4

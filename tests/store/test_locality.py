@@ -50,7 +50,7 @@ def test_a_random_order_is_not(windows, seed):
 
 @pytest.mark.parametrize("windows", [8, 64, 500])
 def test_rows_of_a_sweep(windows):
-    """Windows that are slices of a cube have far more surface than cubes; of a rod they are some."""
+    """Slices of a cube have far more surface than cubes would; those of a rod have little."""
     for sides, expected in (((1.0, 1.0, 1.0), windows < 27), ((100.0, 1.0, 1.0), True)):
         boxes = random_boxes(windows, 3, sides)
         assert measured(boxes[np.argsort(boxes[:, 0])]).local == expected

@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 
 import bfrt
+from bfrt.errors import BudgetError
+from bfrt.records import Kind
+from bfrt.store.writer import StoreWriter
 
 #: Makes objects in blocks, orders them, and prints the most memory that the process had, in MiB.
 ORDERED = """
@@ -170,6 +173,24 @@ def test_a_plan_tells_the_memory(tmp_path, shape, n):
 @pytest.mark.parametrize("shape", ["random", "one far", "twice"])
 def test_four_million_spheres(tmp_path, shape):
     assert peak_of(tmp_path / "a.bfrt", shape, 4_000_000) <= 256
+
+
+def test_what_is_announced_is_refused_before_any_work(tmp_path, monkeypatch):
+    """A standard scene too, which is written within the default budget."""
+    with (
+        pytest.raises(BudgetError, match=r"found 98MiB, expected 1\d\dMiB or more to bring"),
+        StoreWriter(tmp_path / "a.bfrt", memory="98MiB") as writer,
+    ):
+        writer.expect({Kind.CONE: 10**7, Kind.SPHERE: 5}, 1.0)
+    with StoreWriter(tmp_path / "b.bfrt", memory="98MiB", order="given") as writer:
+        writer.expect({Kind.SPHERE: 1}, 1.0)
+        writer.spheres([[0.0, 0.0, 0.0]], 1.0)
+    monkeypatch.setattr("bfrt.store.writer.default_memory", lambda: 98 << 20)
+    scene = bfrt.spd.tetra(10)
+    monkeypatch.setattr(type(scene), "feed", None)  # it is not begun
+    with pytest.raises(BudgetError, match=r"found 98MiB, expected 10\dMiB or more to bring"):
+        scene.write(tmp_path / "c.bfrt", order="spatial")
+    assert [each.name for each in tmp_path.iterdir()] == ["b.bfrt"]
 
 
 LEAST = re.compile(

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from bfrt.errors import BudgetError
 from bfrt.memory import BASELINE, format_memory
-from bfrt.records import BOX_BYTES, NODE_BYTES, PARENT_BYTES, TREELET_BYTES
+from bfrt.records import BOX_BYTES, NODE_BYTES, PARENT_BYTES, TREELET_BYTES, Kind
 from bfrt.store.hierarchy import LEAST_CHILDREN
 from bfrt.store.ordering.files import ORDERED_BUFFER, ordered_names
 from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, VERTICES_AT_ONCE, Layout
@@ -103,6 +103,17 @@ def memory_of(layout: Layout, amount: Amount, pace: Pace) -> int:
     blocks = (threads + waiting + 1) * (2 * block.bytes(layout) + block.objects * PLACED_BYTES)
     parting = CELLS * CELL_BYTES + blocks + held + made.bytes(layout, MADE_BYTES)
     return BASELINE + _buffers(layout, amount) + builders + max(windows, parting)
+
+
+def least_memory(kind: Kind, objects: int, *, wide: bool) -> int:
+    """Return the least budget with which objects of a kind can be ordered, bytes.
+
+    Polygons have four vertices each; nothing is known of their order.
+    """
+    layout = Layout(kind, wide, (0.0, 0.0, 0.0))
+    corners = LEAST_VERTICES if kind.counted else 1
+    either = (Amount(objects, corners * objects, local, corners) for local in (True, False))
+    return max(memory_of(layout, amount, SLOWEST) for amount in either)
 
 
 def pace_for(layout: Layout, amount: Amount, memory: int, threads: int) -> Pace | None:
