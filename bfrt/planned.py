@@ -188,7 +188,10 @@ class OrderingPlan:
     bytes_read, bytes_written : int
         Estimates of the bytes that go through.
     memory : int
-        About the most bytes of memory of the process, whatever the budget.
+        The most bytes of memory of the process, where the budget has as much; with less there are
+        fewer threads, and fewer windows wait.
+    memory_least : int
+        The least budget, bytes, that the ordering stays inside of.
     seconds : float
         An estimate.
     """
@@ -197,6 +200,7 @@ class OrderingPlan:
     bytes_read: int
     bytes_written: int
     memory: int
+    memory_least: int
     seconds: float
 
 
@@ -348,7 +352,7 @@ def _ordering(ordering: OrderingPlan) -> Rows:
             f"<= {_mb(ordering.disk)}",
             _mb(ordering.bytes_read),
             _mb(ordering.bytes_written),
-            f"{ordering.memory / 2**20:,.0f}",
+            f"{ordering.memory_least / 2**20:,.0f} to {ordering.memory / 2**20:,.0f}",
             f"{ordering.seconds:.2f}",
         ),
     ]

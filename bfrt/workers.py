@@ -157,14 +157,18 @@ class Workers:
             self._pool.close()
 
 
-#: Results that wait for their turn, beside those that threads are at.
+#: Results that wait for their turn, beside those that threads are at, unless memory has fewer.
 WAITING = 2
 
 
 def ahead(
-    make: Callable[[Given], Made], given: Iterable[Given], threads: int
+    make: Callable[[Given], Made], given: Iterable[Given], threads: int, waiting: int = WAITING
 ) -> Generator[Made, None, None]:
     """Yield ``map(make, given)`` in order, with `threads` threads that work ahead.
+
+    No more than `threads` and `waiting` things, given or made, are held here at once, and one that
+    was yielded is not; so with one thread and none that waits the next is asked for when the last
+    was yielded.
 
     Raises
     ------
@@ -178,7 +182,8 @@ def ahead(
         try:
             for thing in given:
                 pending.append(pool.submit(make, thing))
-                if len(pending) >= threads + WAITING:
+                del thing  # which may be large
+                if len(pending) >= threads + waiting:
                     yield pending.popleft().result()
             while pending:
                 yield pending.popleft().result()

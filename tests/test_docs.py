@@ -6,7 +6,6 @@ import argparse
 import re
 from importlib import import_module
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -14,9 +13,9 @@ import bfrt
 from bfrt import records
 from bfrt.cli import parser
 from bfrt.cluster.counters import ClusterStats
-from bfrt.ordering_planning import memory_of
 from bfrt.records import NODE_BYTES, PARENT_BYTES, TREELET_BYTES, Kind
 from bfrt.store.hierarchy import LEAST_CHILDREN
+from bfrt.store.ordering.memory import SLOWEST, Pace, memory_of
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.room import (
     NODES,
@@ -28,6 +27,7 @@ from bfrt.store.ordering.room import (
     room_beside,
     room_of,
 )
+from bfrt.workers import WAITING
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SUFFIXES = {".py", ".pyi", ".pyx", ".pxd"}
@@ -67,7 +67,7 @@ COSTS = re.findall(r"^(sphere|cone|triangle|patch|polygon) +(\d.*)$", page("tree
 @pytest.mark.parametrize(("label", "numbers"), COSTS)
 def test_what_an_object_costs_in_spatial_order(label, numbers):
     n, kind = 10**6, next(kind for kind in Kind if kind.label == label)
-    geometry, ids, nodes, treelets, levels, near, other, memory = map(float, numbers.split())
+    geometry, ids, nodes, treelets, levels, near, other, most, least = map(float, numbers.split())
     corners = 4 if kind.counted else 1
     layout = Layout(kind, False, (0.0, 0.0, 0.0), id_bytes_of(n), 0)
     assert (geometry, ids) == (corners * layout.stride, layout.id_bytes)
@@ -76,10 +76,9 @@ def test_what_an_object_costs_in_spatial_order(label, numbers):
     for disk, local in ((near, True), (other, False)):
         room = room_of(layout, Amount(n, corners * n, local))
         assert disk == round(room_beside([room]) / n, 1)
-    stream = SimpleNamespace(
-        kind=kind, count=n, vertices=corners * n, stride=layout.stride, largest=corners
-    )
-    assert memory == round(memory_of(stream, 2) / 2**20)
+    amount = Amount(n, corners * n, False, corners)
+    for memory, pace in ((most, Pace(2, WAITING)), (least, SLOWEST)):
+        assert memory == round(memory_of(layout, amount, pace) / 2**20)
 
 
 def test_costs_are_of_all_kinds_and_at_most_as_said():

@@ -26,7 +26,8 @@ LONG = {
 
 #: What callers use has a parameter for each setting, in a line of its own, which does not count.
 PUBLIC = {
-    "scene.py", "sharded.py", "conversion/convert.py", "settings.py", "terrain/viewshed.py",
+    "scene.py", "sharded.py", "conversion/convert.py", "settings.py", "store/writer.py",
+    "terrain/viewshed.py",
 }  # fmt: skip
 
 DEFINITION = re.compile(r"^( *)(?:cdef|cpdef|def)\b[^=\n]*?(\w+)\s*\(")

@@ -89,8 +89,9 @@ def convert(
         that is done the disk needs up to three times the store's bytes.
     memory : str or int, optional
         The budget of the whole process: ``"256MiB"`` or bytes. By default a quarter of the
-        machine's memory, or of its cgroup's limit. The least depends on the files: 53 MiB for small
-        ones. A mesh whose vertices take more is joined on disk, in forward passes.
+        machine's memory, or of its cgroup's limit. The least depends on the files, 53 MiB for small
+        ones, and on the order: the order given may take less. A mesh whose vertices take more is
+        joined on disk, in forward passes. The store is the same whatever the budget is.
     scratch : path-like, optional
         Folder for the temporary files of such a join. By default the target's parent.
     radius : float or str, optional

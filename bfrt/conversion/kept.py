@@ -37,7 +37,7 @@ from bfrt.scene import PathLike, SceneWriter
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.making import Order
+from bfrt.store.making import Making, Order
 from bfrt.store.model import Camera, Light
 from bfrt.store.palette import KEY_NUMBERS, SavedPalette
 from bfrt.store.record_writer import RecordWriter, SavedRecords
@@ -85,6 +85,8 @@ class KeptWriter(SceneWriter):
     Parameters
     ----------
     writing : Writing
+    memory : int
+        The budget of the whole process, bytes.
     folder : Path
         The store's folder.
     saved : SavedRecords, optional
@@ -94,7 +96,7 @@ class KeptWriter(SceneWriter):
     """
 
     def __init__(
-        self, writing: Writing, folder: Path, saved: SavedRecords | None,
+        self, writing: Writing, memory: int, folder: Path, saved: SavedRecords | None,
         save: Callable[[bool], bool],
     ) -> None:  # fmt: skip
         self.path = check_new_store(writing.target)
@@ -102,8 +104,9 @@ class KeptWriter(SceneWriter):
         origin = writing.origin if saved is None or saved.origin is None else saved.origin
         coordinates = Coordinates(writing.dtype, origin)
         place = AtomicFolder(self.path, True, folder)
+        making = Making(writing.hierarchy, writing.order, True, memory)
         ViewWriter.__init__(self)
-        RecordWriter.__init__(self, place, coordinates, writing.hierarchy, writing.order, saved)
+        RecordWriter.__init__(self, place, coordinates, making, saved)
 
     def _may_settle(self, last: bool) -> bool:
         return self._save(last)
@@ -207,8 +210,11 @@ class KeptConversion:
             raise
         return made.moved(path)
 
-    def open(self, writing: Writing) -> KeptWriter:
-        """Open the writer of the store, which goes on from the state that was found."""
+    def open(self, writing: Writing, memory: int) -> KeptWriter:
+        """Open the writer of the store, which goes on from the state that was found.
+
+        `memory` is the budget of the whole process, in bytes.
+        """
         found = self._checkpoint.found
         saved = None
         if found is None:
@@ -216,7 +222,7 @@ class KeptConversion:
         else:
             hold_to_state(self._folder, found, whole=False)
             saved = saved_records(found)
-        self._writer = KeptWriter(writing, self._folder, saved, self._save)
+        self._writer = KeptWriter(writing, memory, self._folder, saved, self._save)
         if found is not None:
             restore_view(self._writer, found.facts["view"])
             self._checkpoint.went_on(self._where(found.facts["groups"]))

@@ -9,13 +9,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bfrt.conversion.kept import KeptConversion, Writing
 from bfrt.conversion.sinks import Behind, GroupSink
 from bfrt.conversion.sources import SceneFile, SceneSource, StandardScene, read_nff_as_is
 from bfrt.errors import SceneError
 from bfrt.formats.raster.reader import read_raster
 from bfrt.formats.reading import RGB, Reading
-from bfrt.formats.room import need_of, rooms_for
+from bfrt.formats.room import Need, need_of, ordering_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.paths import facts_at
 from bfrt.progress import DoneReport, staged
@@ -23,6 +25,7 @@ from bfrt.scene import PathLike, Scene, SceneWriter
 from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Order
+from bfrt.store.ordering.memory import least_memory
 from bfrt.workers import usable_threads
 
 
@@ -126,7 +129,7 @@ def write_scene(
     rooms = rooms_of(conversion)
     report = staged(progress, "reading", bytes_of(conversion.sources) or None)
     done = 0 if kept is None else kept.done
-    with open_writer(conversion) if kept is None else kept.open(conversion.writing) as writer:
+    with open_writer(conversion, kept) as writer:
         if conversion.first_scene is not None and not done:
             writer.expect(conversion.first_scene.counts, conversion.first_scene.surface)
         for group in range(done, len(rooms)):
@@ -161,21 +164,31 @@ def rooms_of(conversion: Conversion) -> list[int]:
     BudgetError
         If the budget is less than the least that works for all.
     """
-    colored = conversion.reading.color_by == RGB
-    sizes = [
-        s.scene.store_bytes if isinstance(s, StandardScene) else None for s in conversion.sources
-    ]
-    sized = zip(conversion.sources, sizes, strict=True)
-    needs = [need_of(source.name, size, colored=colored) for source, size in sized]
-    return rooms_for(needs, conversion.memory)
+    return rooms_for([need_for(conversion, each) for each in conversion.sources], conversion.memory)
 
 
-def open_writer(conversion: Conversion) -> SceneWriter:
-    """Open the writer of the store."""
+def need_for(conversion: Conversion, source: SceneSource) -> Need:
+    """Work out what the conversion of a source takes, its objects' order included."""
     how = conversion.writing
+    colored, ordered = conversion.reading.color_by == RGB, how.order != "given"
+    wide = how.dtype not in ("float32", np.float32)
+    if isinstance(source, StandardScene):
+        counts = source.scene.counts.items() if ordered else ()
+        leasts = [least_memory(kind, count, wide=wide) for kind, count in counts]
+        size = source.scene.store_bytes
+        return need_of(source.name, size, colored=colored, ordering=max(leasts, default=0))
+    ordering = ordering_of(source.name, wide=wide) if ordered else 0
+    return need_of(source.name, colored=colored, ordering=ordering)
+
+
+def open_writer(conversion: Conversion, kept: KeptConversion | None) -> SceneWriter:
+    """Open the writer of the store, which goes on where that which is kept ends."""
+    how = conversion.writing
+    if kept is not None:
+        return kept.open(how, conversion.memory)
     return SceneWriter(
         how.target, dtype=how.dtype, origin=how.origin, hierarchy=how.hierarchy, order=how.order,
-        durable=conversion.durable,
+        durable=conversion.durable, memory=conversion.memory,
     )  # fmt: skip
 
 

@@ -4,6 +4,9 @@ Beside the process there are blocks: those that are read, that objects are made 
 threads, and that are written. They are of fixed sizes, and a small file does not fill them::
 
     memory = BASELINE + libraries + blocks, at most GROWTH times the file + room
+
+When all is read these are gone, and objects are brought into spatial order, unless the order given
+is asked for, which takes less than the rest or more (bfrt/store/ordering/memory.py).
 """
 
 from __future__ import annotations
@@ -18,6 +21,9 @@ from bfrt.formats.gzipped import is_packed, suffix_of
 from bfrt.formats.raster.suffixes import DRIVERS
 from bfrt.memory import BASELINE, format_memory
 from bfrt.paths import UNKNOWN, facts_at
+from bfrt.records import Kind
+from bfrt.store.ordering.memory import least_memory
+from bfrt.store.ordering.objects import SHORT_IDS
 
 #: The fewest bytes of vertices that are worth a pass over a mesh that has more of them.
 FEWEST = 8 << 20
@@ -26,6 +32,8 @@ FEWEST = 8 << 20
 GROWTH = 64
 VERTICES = 8
 
+#: Bytes of an object in a file, at the least: a face of three corners, by one byte each.
+FEWEST_BYTES = 4
 
 #: Corners of a face that the blocks have room for, and what each more takes: while it is read, in
 #: the block that is written, and while it is brought into order (measured: 75 to 100 bytes).
@@ -50,20 +58,24 @@ class Taken(NamedTuple):
         Bytes of the least room for vertices, or for a raster's blocks and rows.
     packed : bool
         Whether a file holds more than its bytes tell.
+    kind : Kind
+        Of the kinds that it may hold, that whose ordering takes most.
     """
 
     blocks: int
     library: int = 0
     fewest: int = 0
     packed: bool = False
+    kind: Kind = Kind.PATCH
 
 
 OBJECTS = Taken(48 << 20)
+POINTS = OBJECTS._replace(kind=Kind.SPHERE)
 MESH = Taken(84 << 20, fewest=FEWEST)
 HDF5 = MESH._replace(library=40 << 20, fewest=2 * FEWEST, packed=True)
-LAS = OBJECTS._replace(library=4 << 20)
-RASTER = OBJECTS._replace(library=72 << 20, fewest=FEWEST, packed=True)
-E57 = OBJECTS._replace(library=56 << 20, packed=True)
+LAS = POINTS._replace(library=4 << 20)
+RASTER = OBJECTS._replace(library=72 << 20, fewest=FEWEST, packed=True, kind=Kind.TRIANGLE)
+E57 = POINTS._replace(library=56 << 20, packed=True)
 
 #: A palette's writer remembers materials that may come again, 65,536 at the most.
 MATERIALS = 32 << 20
@@ -71,6 +83,8 @@ MATERIALS = 32 << 20
 #: By suffix; all others have objects as they are.
 FORMATS = {
     ".nff": OBJECTS._replace(blocks=OBJECTS.blocks + MATERIALS),
+    ".npy": POINTS,
+    ".stl": OBJECTS._replace(kind=Kind.TRIANGLE),
     ".ply": MESH,
     ".obj": MESH,
     ".npz": MESH._replace(packed=True),
@@ -93,16 +107,27 @@ class Need(NamedTuple):
         Name of the file, or of the scene that is converted.
     blocks : int
         Bytes, beside the room.
-    least : int
-        Bytes of the least budget that works.
+    reading : int
+        Bytes of the least budget that works where objects are left in the order given.
+    ordering : int
+        Bytes of the least budget with which they can be brought into spatial order; 0 where they
+        are not.
     """
 
     name: str
     blocks: int
-    least: int
+    reading: int
+    ordering: int = 0
+
+    @property
+    def least(self) -> int:
+        """Return the bytes of the least budget that works."""
+        return max(self.reading, self.ordering)
 
 
-def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Need:
+def need_of(
+    name: str, size: int | None = None, *, colored: bool = False, ordering: int = 0
+) -> Need:
     """Work out what a file's conversion takes.
 
     Parameters
@@ -113,12 +138,40 @@ def need_of(name: str, size: int | None = None, *, colored: bool = False) -> Nee
         Bytes that are converted, where they are no file's.
     colored : bool
         Whether the file's own colors are taken.
+    ordering : int
+        Bytes of the least budget with which its objects can be brought into spatial order.
     """
-    taken = FORMATS.get(".nff" if name == "-" else suffix_of(name), OBJECTS)
-    full = math.inf if taken.packed or is_packed(name) else size_of(name) if size is None else size
+    taken = taken_by(name)
+    full = full_of(taken, name) if size is None else size
     most = taken.blocks + (COLORS if colored else 0)
     blocks = BASELINE + taken.library + int(min(most, GROWTH * full))
-    return Need(name, blocks, blocks + int(min(taken.fewest, VERTICES * full)))
+    return Need(name, blocks, blocks + int(min(taken.fewest, VERTICES * full)), ordering)
+
+
+def taken_by(name: str) -> Taken:
+    """Return what the reader of a file's format takes."""
+    return FORMATS.get(".nff" if name == "-" else suffix_of(name), OBJECTS)
+
+
+def full_of(taken: Taken, name: str) -> float:
+    """Return the bytes of a file as they count: without end where it holds more than they tell."""
+    return math.inf if taken.packed or is_packed(name) else size_of(name)
+
+
+def ordering_of(name: str, *, wide: bool) -> int:
+    """Return the least budget with which any file of a format and size can be ordered, bytes.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, which is not read.
+    wide : bool
+        Whether coordinates may be float64.
+    """
+    taken = taken_by(name)
+    full = full_of(taken, name)
+    objects = int(min(SHORT_IDS, full // FEWEST_BYTES))
+    return least_memory(taken.kind, objects, wide=wide)
 
 
 def rooms_for(needs: list[Need], memory: int) -> list[int]:
@@ -131,9 +184,13 @@ def rooms_for(needs: list[Need], memory: int) -> list[int]:
     """
     most = max(needs, key=lambda need: need.least)
     if memory < most.least:
+        given = max(need.reading for need in needs)
+        or_given = ""
+        if format_memory(given) != format_memory(most.least):
+            or_given = f", or {format_memory(given)} in the order given (--order given)"
         raise BudgetError(
             f"memory: found {memory >> 20}MiB, expected {format_memory(most.least)} or more to "
-            f"convert {most.name}"
+            f"convert {most.name}{or_given}"
         )
     return [memory - need.blocks for need in needs]
 

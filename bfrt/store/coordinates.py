@@ -98,6 +98,11 @@ class Coordinates:
                 return np.ascontiguousarray(records, np.float64)
             return np.ascontiguousarray(self._relative(kind, records), np.float32)
 
+    @property
+    def always_wide(self) -> bool:
+        """Tell whether all geometry is stored as float64, whatever comes."""
+        return self._dtype is not None and bool(self._dtype == np.float64)
+
     def _is_wide(self, kind: Kind, dtype: np.dtype[Any], stream_wide: bool | None) -> bool:
         """Tell whether a block is stored as float64."""
         if self._dtype is not None:

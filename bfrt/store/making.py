@@ -35,8 +35,11 @@ class Making(NamedTuple):
     order : {"given", "spatial", "auto"}
     durable : bool
         Whether files outlive a loss of power.
+    memory : int
+        The budget of the whole process, bytes.
     """
 
     hierarchy: Hierarchy
     order: Order
     durable: bool
+    memory: int

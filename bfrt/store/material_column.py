@@ -50,6 +50,11 @@ class MaterialColumn:
             self._file.write(materials.astype(f"<u{self.bytes}"), kept=True)
         self._count += len(materials)
 
+    def wait(self) -> None:
+        """Wait until what was handed over is written, so that its memory is free."""
+        if self._file is not None:
+            self._file.wait()
+
     def _widen(self, width: int) -> None:
         """Write the indices so far again, in wider integers."""
         old, old_bytes = self._file, self.bytes

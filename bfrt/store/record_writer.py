@@ -27,9 +27,9 @@ from bfrt.store.coordinates import Coordinates
 from bfrt.store.extent import Bounds, check_extent
 from bfrt.store.given import records_of, vertices_of
 from bfrt.store.group import GroupWriter
-from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.making import Making, Order, checked_order
+from bfrt.store.making import Making
 from bfrt.store.model import Material, Vector
+from bfrt.store.ordering.memory import check_memory, least_memory
 from bfrt.store.palette import PaletteWriter, SavedPalette, record_of
 from bfrt.store.store import PALETTE, bounds_to
 from bfrt.store.written import WrittenGroup, make_all
@@ -65,10 +65,8 @@ class RecordWriter:
         The store's folder, which is created.
     coordinates : Coordinates
         How coordinates are stored.
-    hierarchy : Hierarchy
-        Settings of the box hierarchy.
-    order : {"given", "spatial", "auto"}
-        The order in which objects are stored.
+    making : Making
+        How groups are made.
     saved : SavedRecords, optional
         What to go on from; the files are in the folder.
     """
@@ -77,13 +75,12 @@ class RecordWriter:
         self,
         folder: AtomicFolder,
         coordinates: Coordinates,
-        hierarchy: Hierarchy,
-        order: Order,
+        making: Making,
         saved: SavedRecords | None = None,
     ) -> None:
         self._folder = folder
         self._coordinates = coordinates
-        self._making = Making(hierarchy, checked_order(order), folder.durable)
+        self._making = making
         self._groups: list[GroupWriter | WrittenGroup] = []
         self._open = True
         try:
@@ -118,8 +115,14 @@ class RecordWriter:
         ------
         SettingError
             If objects were added already.
+        BudgetError
+            If the budget is below the least with which they can be brought into order.
         """
         self._group(0).expect(counts, surface)
+        if self._making.order != "given":
+            wide = self._coordinates.always_wide
+            leasts = [least_memory(kind, count, wide=wide) for kind, count in counts.items()]
+            check_memory(max(leasts, default=0), self._making.memory, str(self._folder.path))
 
     def propose_origin(self, origin: Vector) -> None:
         """Have coordinates be relative to a point of the world, if nothing has decided that."""
@@ -361,6 +364,8 @@ class RecordWriter:
         for number in range(len(self._groups)):
             self.complete_group(number)
         self._palette.forget()
+        for group in self._written:
+            group.check_memory(origin, str(self._folder.path))
         make_all(self._written, origin, progress, self._may_settle)
         groups = [group.header() for group in self._written]
         palette = self._palette.close()

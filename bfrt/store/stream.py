@@ -92,7 +92,7 @@ class Stream:
             self.material,
         )  # fmt: skip
         records = self.vertices if self.kind.counted else self.count
-        return GivenFiles(self.folder, layout, self.count, records)
+        return GivenFiles(self.folder, layout, self.count, records, max(1, self.largest))
 
     def path(self, name: str) -> Path:
         return self.folder / name

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.memory import default_memory, parse_memory
 from bfrt.paths import HEADER, MAGIC, check_names, check_outside, is_there, path_of, without_links
 from bfrt.progress import DoneReport
 from bfrt.records import Kind
@@ -25,7 +26,7 @@ from bfrt.store.coordinates import Coordinates
 from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of
 from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
-from bfrt.store.making import Order
+from bfrt.store.making import Making, Order, checked_order
 from bfrt.store.model import Vector
 from bfrt.store.record_writer import RecordWriter
 from bfrt.store.store import MADE, VERSION, Store, has_magic, open_store
@@ -77,6 +78,10 @@ class StoreWriter(ViewWriter, RecordWriter):
         always. Until objects are in order they take up to three times the store's room on disk.
     durable : bool
         Whether the store outlives a loss of power once it has its name, which takes a moment.
+    memory : str or int, optional
+        The budget of the whole process while objects are brought into order: ``"256MiB"`` or bytes.
+        By default a quarter of the machine's memory, or of its cgroup's limit. The store is the
+        same whatever it is.
 
     Raises
     ------
@@ -86,6 +91,9 @@ class StoreWriter(ViewWriter, RecordWriter):
         apart.
     DiskFullError, StreamError
         If the system refuses a write; nothing is left behind.
+    BudgetError
+        From `complete`, if the budget is below the least that works for spatial order, which the
+        message names; nothing is left behind.
     SettingError
         If `path` exists and is no store, or is in one, and for calls after the end. An error in a
         block, or an interrupt while one is written, is an end too: half a block is never kept.
@@ -106,12 +114,14 @@ class StoreWriter(ViewWriter, RecordWriter):
         hierarchy: Hierarchy | None = None,
         order: Order = "auto",
         durable: bool = True,
+        memory: str | int | None = None,
     ) -> None:
         self.path = check_new_store(path)
         coordinates = Coordinates(dtype, origin)
-        folder = AtomicFolder(self.path, durable)
+        budget = default_memory() if memory is None else parse_memory(memory)
+        making = Making(hierarchy or Hierarchy(), checked_order(order), durable, budget)
         ViewWriter.__init__(self)
-        RecordWriter.__init__(self, folder, coordinates, hierarchy or Hierarchy(), order)
+        RecordWriter.__init__(self, AtomicFolder(self.path, durable), coordinates, making)
 
     def spheres(
         self,
@@ -310,6 +320,8 @@ class StoreWriter(ViewWriter, RecordWriter):
             If the writer is closed.
         DiskFullError, StreamError
             If the system refuses a write; nothing is left behind.
+        BudgetError
+            If the budget is below the least for spatial order; nothing is left behind.
         Cancelled
             If `progress` returned False; nothing is left behind.
         """

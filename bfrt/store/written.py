@@ -31,6 +31,7 @@ from bfrt.store.material_column import READ_BACK_AT_ONCE
 from bfrt.store.model import Vector
 from bfrt.store.ordering.files import ordered_folder, replace_folder
 from bfrt.store.ordering.given import GivenFiles
+from bfrt.store.ordering.memory import SLOWEST, check_memory, memory_of, pace_for
 from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.order import Keeping, Ordering
 from bfrt.store.ordering.room import room_beside
@@ -106,7 +107,12 @@ class WrittenStream:
             header["material"],
         )  # fmt: skip
         records = header["vertices"] if kind.counted else self.count
-        return GivenFiles(self.folder, layout, self.count, records)
+        return GivenFiles(self.folder, layout, self.count, records, max(1, header["largest"]))
+
+    def least_memory(self, origin: Vector) -> int:
+        """Return the least budget that its ordering stays inside of, bytes."""
+        files = self.given(origin)
+        return memory_of(files.layout, files.amount(self.local), SLOWEST)
 
     def boxes(self, origin: Vector) -> Boxes:
         """Yield the boxes of all objects, as they were given, block by block."""
@@ -203,6 +209,18 @@ class WrittenGroup:
         """Tell whether a stream's objects are brought into order."""
         return stream.count > 0 and self._making.order != "given"
 
+    def check_memory(self, origin: Vector, name: str) -> None:
+        """Refuse a budget that is less than the least for those that are brought into order.
+
+        Raises
+        ------
+        BudgetError
+            If it is; nothing is brought into order then.
+        """
+        ordered = [stream for stream in self.unmade if self.is_ordered(stream)]
+        least = max((stream.least_memory(origin) for stream in ordered), default=0)
+        check_memory(least, self._making.memory, name)
+
     def complete_begun(self, origin: Vector) -> None:
         """Complete the hierarchies whose first levels were made as the objects came."""
         for stream in self.streams:
@@ -239,10 +257,13 @@ class WrittenGroup:
         number = stream_number(self._number, stream.kind)
         outliers = self._facts["outliers"]
         own = [id for id in outliers if stream_of(id) == number]
+        files, memory = stream.given(origin), self._making.memory
+        pace = pace_for(files.layout, files.amount(stream.local), memory, usable_threads())
+        assert pace is not None  # as `check_memory` has seen
         ordering = Ordering(
-            stream.given(origin), bounds_from(self._facts["grid_bounds"]),
+            files, bounds_from(self._facts["grid_bounds"]),
             np.array([index_of(id) for id in own], np.int64), passes, local=stream.local,
-            keeping=Keeping(self._making.durable, stream.ordering, between),
+            keeping=Keeping(self._making.durable, stream.ordering, between, pace),
         )  # fmt: skip
         stream.under_way = ordering
         hierarchy = HierarchyWriter(

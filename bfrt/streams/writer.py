@@ -76,11 +76,14 @@ class FileWriter:
     behind : tuple of 2 int, optional
         Length and CRC-32 of what a file has already, behind which it goes on; what is behind that
         is cut off.
+    buffer : int
+        Bytes of a buffer, at the most.
     """
 
     def __init__(
-        self, path: Path, durable: bool = True, behind: tuple[int, int] | None = None
-    ) -> None:
+        self, path: Path, durable: bool = True, behind: tuple[int, int] | None = None,
+        buffer: int = BUFFER_BYTES,
+    ) -> None:  # fmt: skip
         self.path = path
         self.bytes, self.checksum = behind or (0, 0)
         self._durable = durable
@@ -89,7 +92,8 @@ class FileWriter:
         self._unsynced = 0
         self._pending: Future[None] | None = None
         self._syncing: Future[None] | None = None
-        self._buffers = [buffer_of(BUFFER_BYTES), buffer_of(BUFFER_BYTES)]
+        self._size = min(buffer, BUFFER_BYTES)
+        self._buffers = [buffer_of(self._size), buffer_of(self._size)]
         with calling(path, "creating" if behind is None else "opening"):
             self._fd = os.open(path, GO_ON if behind else CREATE, 0o666)
         if behind is not None:
@@ -116,11 +120,11 @@ class FileWriter:
             self._hand_over(view)
             return
         while len(view):
-            n = min(len(view), BUFFER_BYTES - self._filled)
+            n = min(len(view), self._size - self._filled)
             self._buffers[0][self._filled : self._filled + n] = view[:n]
             self._filled += n
             view = view[n:]
-            if self._filled == BUFFER_BYTES:
+            if self._filled == self._size:
                 self._flush()
 
     def _flush(self) -> None:
@@ -131,7 +135,7 @@ class FileWriter:
             self._filled = 0
 
     def _hand_over(self, data: memoryview) -> None:
-        self._wait()
+        self.wait()
         self._pending = WRITERS.submit(self._put, data)
 
     def _put(self, data: memoryview) -> None:
@@ -153,10 +157,11 @@ class FileWriter:
         if self._fd < 0:
             return
         self._flush()
-        self._wait()
+        self.wait()
         self._sync()
 
-    def _wait(self) -> None:
+    def wait(self) -> None:
+        """Wait until what was handed over is written, so that its memory is free."""
         pending, self._pending = self._pending, None
         if pending is not None:
             pending.result()
@@ -167,7 +172,7 @@ class FileWriter:
             return
         try:
             self._flush()
-            self._wait()
+            self.wait()
             if self._syncing is not None:
                 self._syncing.result()
             if self._durable:

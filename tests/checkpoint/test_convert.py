@@ -149,7 +149,7 @@ def test_a_kill_after_every_window(sources, tmp_path, states, monkeypatch, windo
     """Each run brings one more window into order; those before are read back for the levels."""
     monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", window)
     if local:
-        monkeypatch.setattr("bfrt.store.locality.LOCAL", 1e9)
+        monkeypatch.setattr("bfrt.store.locality.threshold", lambda windows: 1e9)
     (tmp_path / "rich.nff").write_text(RICH)
     sources = [str(tmp_path / "rich.nff"), sources[2], sources[0]]
     expected = contents(converted(sources, tmp_path / "plain" / "x.bfrt", radius=None).path)

@@ -148,7 +148,7 @@ def test_of_two_objects_at_one_place_the_first_given_is_hit(tmp_path):
 def test_windows_of_objects_that_nothing_can_hit(tmp_path, monkeypatch):
     """They have no treelet; what comes after them is found all the same."""
     monkeypatch.setattr(
-        order_module, "Means", lambda scratch, threads, _: Means(scratch, threads, 50)
+        order_module, "Means", lambda scratch, threads, *_: Means(scratch, threads, 50)
     )
     rng = np.random.default_rng(34)
     corners = rng.uniform(-1, 1, (400, 4, 3))

@@ -173,7 +173,7 @@ def probe(monkeypatch, tmp_path):
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("name", SCENES)
 def test_a_plan_is_never_below_what_ordering_takes(probe, tmp_path, monkeypatch, name, threads):
-    monkeypatch.setattr("bfrt.store.ordering.order.usable_threads", lambda: threads)
+    monkeypatch.setattr("bfrt.store.written.usable_threads", lambda: threads)
     folder, told, peak = probe
     planned = ordering_of(store_of(name, tmp_path / "given.bfrt", "given"))
     made = store_of(name, folder / "a.bfrt", "spatial")

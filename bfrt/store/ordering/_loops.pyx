@@ -1,9 +1,24 @@
-"""The loops of ordering: places along a curve, and objects gathered in another order."""
+"""The loops of ordering: places along a curve, and objects gathered in another order.
+
+And what gives memory back that the allocator keeps, before ordering takes its own.
+"""
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box, box_empty
+
+cdef extern from *:
+    """
+    #include <stdlib.h>
+    #if defined(__GLIBC__)
+    #include <malloc.h>
+    static void bfrt_give_back(void) { (void)malloc_trim(0); }
+    #else
+    static void bfrt_give_back(void) {}
+    #endif
+    """
+    void trim "bfrt_give_back"() noexcept nogil
 
 #: Bits of a code on each axis, at the most.
 MOST_BITS = 21
@@ -80,3 +95,9 @@ def gather_runs(const uint8_t[::1] records, size_t stride, const int64_t[::1] en
             if n:
                 memcpy(&out[at], &records[begin * stride], n)
             at += n
+
+
+def give_back():
+    """Give the system the memory back that the allocator keeps, where it does (glibc)."""
+    with nogil:
+        trim()

@@ -19,6 +19,9 @@ from bfrt.store.ordering.windows import OrderedWindow
 from bfrt.streams.removal import remove_folder
 from bfrt.streams.writer import FileWriter
 
+#: Bytes of a buffer of a file; most of what is written is not copied there.
+ORDERED_BUFFER = 1 << 19
+
 #: What is counted on the way, by its name in what is saved.
 COUNTS = ("done", "vertices", "treelets", "nodes", "treelet_bytes")
 
@@ -75,7 +78,9 @@ class OrderedFiles:
             for name in ordered_names(layout.kind):
                 facts = saved and saved["files"][name]
                 behind = facts and (facts["bytes"], facts["crc32"])
-                self._files[name] = FileWriter(folder / name, durable, behind or None)
+                self._files[name] = FileWriter(
+                    folder / name, durable, behind or None, ORDERED_BUFFER
+                )
         except BaseException:
             self.abandon()
             raise
@@ -90,7 +95,7 @@ class OrderedFiles:
             ends = self._vertices + np.cumsum(objects.counts, dtype=np.uint64)
             files["offsets"].write(ends.astype("<u4"))
             self._vertices = int(ends[-1])
-            files["boxes"].write(window.boxes)
+            files["boxes"].write(window.boxes, kept=True)
         treelets = window.treelets
         sizes = treelet_sizes(window, self._layout)
         self.treelet_bytes = max(self.treelet_bytes, int(sizes.max(initial=0)))
@@ -101,6 +106,12 @@ class OrderedFiles:
         self.done += objects.number
         self.nodes += len(window.nodes)
         self.treelets += len(treelets)
+
+    def wait(self) -> None:
+        """Wait until all windows are written, so that their memory is free."""
+        for file in self._files.values():
+            file.wait()
+        self._materials.wait()
 
     def saved(self) -> dict[str, Any]:
         """Have all on the disk; return what brings the files back to here, for JSON."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
 from bfrt.refusals import calling, closing, refused
-from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, bytes_for, few_at_once
 from bfrt.store.ordering.room import Amount, Room, room_of
 
 
@@ -28,16 +28,19 @@ class GivenFiles(NamedTuple):
         Number of them.
     records : int
         Objects again, or vertices of polygons.
+    largest : int
+        Records of an object at the most.
     """
 
     folder: Path
     layout: Layout
     objects: int
     records: int
+    largest: int = 1
 
     def amount(self, local: bool) -> Amount:
         """Count what it has."""
-        return Amount(self.objects, self.records, local)
+        return Amount(self.objects, self.records, local, self.largest)
 
     def room(self, local: bool) -> Room:
         """Work out the room on disk of its ordering."""
@@ -86,7 +89,7 @@ class _Column:
 
     def read(self, records: int, size: int) -> NDArray[np.uint8]:
         """Return the next records of `size` bytes."""
-        made = np.empty(records * size, np.uint8)
+        made = bytes_for(records * size)
         done = 0
         while done < len(made):
             try:

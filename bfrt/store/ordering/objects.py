@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.records import Kind
+from bfrt.refusals import buffer_of
 from bfrt.store._bounds import bound
 from bfrt.store.model import Vector
 from bfrt.store.ordering._loops import gather, gather_runs
@@ -21,6 +21,10 @@ OBJECTS_AT_ONCE = 1 << 16
 
 #: Vertices of polygons that are read at once, unless one polygon has more.
 VERTICES_AT_ONCE = 1 << 18
+
+#: Bytes of an array from which on its memory is the system's again as soon as it is let go; the
+#: allocator keeps that of some arrays, for others.
+OWN_MEMORY = 1 << 20
 
 #: Ids below this take four bytes each, others eight.
 SHORT_IDS = 1 << 32
@@ -106,11 +110,11 @@ class Objects(NamedTuple):
         materials, ids = self.materials[order], self.ids[order]
         if layout.kind.counted:
             counts = self.counts[order]
-            geometry = np.empty(int(counts.sum(dtype=np.int64)) * layout.stride, np.uint8)
+            geometry = bytes_for(int(counts.sum(dtype=np.int64)) * layout.stride)
             ends = np.cumsum(self.counts, dtype=np.int64)
             gather_runs(self.geometry, layout.stride, ends, order, geometry)
             return Objects(geometry, counts, materials, ids)
-        geometry = np.empty(len(order) * layout.stride, np.uint8)
+        geometry = bytes_for(len(order) * layout.stride)
         gather(self.geometry, layout.stride, order, geometry)
         return Objects(geometry, self.counts, materials, ids)
 
@@ -132,9 +136,46 @@ def few_at_once(counts: NDArray[np.uint32]) -> int:
     return max(1, int(np.searchsorted(ends, VERTICES_AT_ONCE, "right")))
 
 
-def joined(some: Sequence[Objects]) -> Objects:
-    """Return objects one after another."""
-    if len(some) == 1:
-        return some[0]
-    columns: list[NDArray[Any]] = [np.concatenate(column) for column in zip(*some, strict=True)]
-    return Objects(*columns)
+def bytes_for(size: int) -> Bytes:
+    """Return memory of `size` bytes that takes room as it fills, and none when it is let go."""
+    if size < OWN_MEMORY:
+        return np.empty(size, np.uint8)
+    return np.frombuffer(buffer_of(size), np.uint8)
+
+
+class Filling:
+    """Takes objects one after another into arrays that have room for all of them.
+
+    Parameters
+    ----------
+    layout : Layout
+    objects, records : int
+        The most objects that come, and records: objects again, or vertices of polygons.
+    """
+
+    def __init__(self, layout: Layout, objects: int, records: int) -> None:
+        self._layout = layout
+        self._objects = self._records = 0
+        counted = objects if layout.kind.counted else 0
+        self._held = Objects(
+            bytes_for(records * layout.stride),
+            bytes_for(counted * 4).view(np.uint32),
+            bytes_for(objects * 4).view(np.uint32),
+            bytes_for(objects * 8).view(np.uint64),
+        )
+
+    def add(self, some: Objects) -> None:
+        """Copy some objects behind the others."""
+        held, n, stride = self._held, self._objects, self._layout.stride
+        begin, size = self._records * stride, len(some.geometry)
+        held.geometry[begin : begin + size] = some.geometry
+        if self._layout.kind.counted:
+            held.counts[n : n + some.number] = some.counts
+        held.materials[n : n + some.number] = some.materials
+        held.ids[n : n + some.number] = some.ids
+        self._objects += some.number
+        self._records += size // stride
+
+    def taken(self) -> Objects:
+        """Return all objects, views."""
+        return self._held.between(0, self._objects, self._layout)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from bfrt.progress import Passes
 from bfrt.store.extent import Bounds
+from bfrt.store.ordering._loops import give_back
 from bfrt.store.ordering.files import OrderedFiles, ordered_folder
 from bfrt.store.ordering.given import GivenFiles
+from bfrt.store.ordering.memory import Pace
 from bfrt.store.ordering.objects import Objects
 from bfrt.store.ordering.parts import WINDOW, Means, Source, as_they_come, by_place
 from bfrt.store.ordering.windows import ordered
-from bfrt.workers import usable_threads
 
 Places = NDArray[np.int64]
 
@@ -32,11 +33,14 @@ class Keeping(NamedTuple):
         What `Ordering.saved` has returned, to go on from.
     between : callable
         Called when a window is written, and what it was made of counted.
+    pace : Pace
+        How many windows are in memory while they are made.
     """
 
     durable: bool
     saved: dict[str, Any] | None
     between: Callable[[], object]
+    pace: Pace
 
 
 class Ordering:
@@ -71,10 +75,11 @@ class Ordering:
         if saved is not None:
             self.places[:] = saved["places"]
         self._between = keeping.between
+        self._pace = keeping.pace
         self._asked = asked
         self._given = given
-        self._local = local
         self._passes = passes
+        self._parted = not local and given.amount(local).weight > WINDOW
         self._source = Source(given.layout, self._blocks, around)
         folder = ordered_folder(given.folder)
         self._files = OrderedFiles(
@@ -85,16 +90,18 @@ class Ordering:
     def boxes(self) -> Generator[NDArray[np.float32], None, None]:
         """Write all objects in their order, and yield the boxes of each window as it is written."""
         layout, passes = self._given.layout, self._passes
-        # All are read to be written; those that are not local are counted and parted before.
-        passes.begin(self._given.objects, 2 if self._local else 3)
-        means = Means(self._given.folder.parent, usable_threads(), WINDOW)
-        way = as_they_come if self._local else by_place
+        # All are read to be written; those that are parted are counted before.
+        passes.begin(self._given.objects, 3 if self._parted else 2)
+        pace = self._pace
+        give_back()  # what was taken while objects came
+        means = Means(self._given.folder.parent, pace.threads, WINDOW, pace.waiting)
+        way = by_place if self._parted else as_they_come
         if self._files.done:
             yield from self._files.boxes()
         passes.add(self._files.done)
         with (
             closing(way(self._source, means, self._files.done)) as windows,
-            closing(ordered(windows, layout, means.threads)) as made,
+            closing(ordered(windows, layout, means)) as made,
         ):
             for window in made:
                 self._look(window.objects.ids, self._files.done)
@@ -102,6 +109,9 @@ class Ordering:
                 passes.add(window.objects.number)
                 yield window.boxes
                 self._between()
+                del window
+                if not pace.waiting:
+                    self._files.wait()
         passes.end()
 
     def _blocks(self) -> Iterator[Objects]:
@@ -109,15 +119,16 @@ class Ordering:
         for block in self._given.blocks():
             yield block
             self._passes.add(block.number)
+            del block  # before the next is read
 
     def _look(self, ids: NDArray[np.uint64], first: int) -> None:
         """See which of some objects, whose places begin at `first`, are asked for."""
         if not len(self._asked):
             return
-        _, those, at = np.intersect1d(
-            ids, self._asked.astype(np.uint64), assume_unique=True, return_indices=True
-        )
-        self.places[at] = first + those
+        asked = self._asked.astype(np.uint64)
+        at = np.minimum(np.searchsorted(asked, ids), len(asked) - 1)
+        those = np.flatnonzero(asked[at] == ids)
+        self.places[at[those]] = first + those
 
     def saved(self) -> dict[str, Any]:
         """Have all windows so far on the disk; return what brings the ordering back to here."""

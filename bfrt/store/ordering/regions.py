@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
 from bfrt.refusals import give_up, refused
-from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, few_at_once
+from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, bytes_for, few_at_once
 from bfrt.streams.atomic_write import nameless
 from bfrt.streams.free import check_free
 from bfrt.streams.writer import view_of
@@ -122,7 +122,7 @@ class Regions:
     def _read(self, at: Sizes, column: int, size: int) -> NDArray[np.uint8]:
         """Return the next bytes of a column, and go forward there."""
         begin = int(at[column])
-        made = np.empty(size, np.uint8)
+        made = bytes_for(size)
         done = 0
         while done < size:
             try:

@@ -64,11 +64,19 @@ class Amount(NamedTuple):
         Objects again, or vertices of polygons.
     local : bool
         Whether its order is local, so that objects are not parted.
+    largest : int
+        Records of an object at the most.
     """
 
     objects: int
     records: int
     local: bool
+    largest: int = 1
+
+    @property
+    def weight(self) -> int:
+        """Return the most that all of it weighs, as windows do."""
+        return self.objects + (self.records // WEIGHING if self.records > self.objects else 0)
 
 
 class Room(NamedTuple):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.store.ordering.objects import Layout, Objects
+from bfrt.store.ordering.parts import Means
 from bfrt.treelets.build import TreeletBuilder
 from bfrt.workers import ahead
 
@@ -33,7 +34,7 @@ class OrderedWindow(NamedTuple):
 
 
 def ordered(
-    windows: Iterator[Objects], layout: Layout, threads: int
+    windows: Iterator[Objects], layout: Layout, means: Means
 ) -> Generator[OrderedWindow, None, None]:
     """Yield windows in the order of their treelets."""
     builders: queue.SimpleQueue[TreeletBuilder] = queue.SimpleQueue()
@@ -51,4 +52,4 @@ def ordered(
         builders.put(builder)
         return made
 
-    return ahead(order, windows, threads)
+    return ahead(order, windows, means.threads, means.waiting)
