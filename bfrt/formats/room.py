@@ -95,6 +95,7 @@ FORMATS = {
     ".laz": LAS._replace(packed=True),
     **dict.fromkeys(DRIVERS, RASTER),
     ".e57": E57,
+    **dict.fromkeys((".xyz", ".csv", ".txt", ".pts", ".pcd", ".lammpstrj", ".dump"), POINTS),
 }
 
 

@@ -72,12 +72,9 @@ class RecordWriter:
     """
 
     def __init__(
-        self,
-        folder: AtomicFolder,
-        coordinates: Coordinates,
-        making: Making,
+        self, folder: AtomicFolder, coordinates: Coordinates, making: Making,
         saved: SavedRecords | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._folder = folder
         self._coordinates = coordinates
         self._making = making
@@ -87,7 +84,7 @@ class RecordWriter:
             folder.create()
             for number, facts in enumerate(saved.groups if saved else ()):
                 path = folder.aside / str(number)
-                self._groups.append(WrittenGroup.restored(path, number, self._making, facts))
+                self._groups.append(WrittenGroup.restored(path, number, making, facts))
             if not self._groups:
                 self._group(0)
             palette = saved.palette if saved else None
@@ -185,9 +182,8 @@ class RecordWriter:
         indices = self._material_indices(materials, len(records))
         with self._writing():
             for first in range(0, len(records), BOXES_AT_ONCE):
-                last = first + BOXES_AT_ONCE
-                part = indices[first:last]
-                own = records[first:last].copy()
+                some = slice(first, first + BOXES_AT_ONCE)
+                own, part = records[some].copy(), indices[some]
                 self.add(self.prepare(kind, own, np.zeros_like(part), part, group))
 
     def append_polygons(

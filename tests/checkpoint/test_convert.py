@@ -171,7 +171,7 @@ def test_a_kill_after_every_window(sources, tmp_path, states, monkeypatch, windo
 def test_windows_in_order_are_not_made_again(tmp_path, states, monkeypatch):
     """Nor are their objects parted again."""
     monkeypatch.setattr("bfrt.store.ordering.order.WINDOW", 60)
-    monkeypatch.setattr("bfrt.store.locality.LOCAL", 0.0)
+    monkeypatch.setattr("bfrt.store.locality.threshold", lambda windows: 0.0)
     (tmp_path / "rich.nff").write_text(RICH)
     sources, numbers = [str(tmp_path / "rich.nff")], []
     append = OrderedFiles.append
