@@ -96,6 +96,7 @@ def scenes(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
         for refine, order in ORDERS.items():
             made[refine] = folder / f"{name}{size}.{order}"
             command = ["spd", name, size, "-o", str(made[refine]), "--order", order]
+            command += ["--memory", "256MiB"]
             making[refine] = capped(command)
         runs: dict[str, list[dict[str, Any]]] = {refine: [] for refine in ORDERS}
         for _ in range(options.runs):
@@ -166,7 +167,9 @@ def huge(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     for scene in options.what:
         name, size = scene.split(":")
         store = folder / f"{name}{size}"
-        making = capped(["spd", name, size, "-o", str(store), "--order", stores.ORDERS["tree"]])
+        order = stores.ORDERS["tree"]
+        command = ["spd", name, size, "-o", str(store), "--order", order]
+        making = capped([*command, "--memory", "256MiB"])
         drop(store)
         start = time.perf_counter()
         subprocess.run(["cat", *map(str, store.rglob("*.*"))], stdout=subprocess.DEVNULL)

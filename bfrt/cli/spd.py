@@ -34,6 +34,7 @@ def add_spd(commands: Any) -> None:
     made.add_argument(
         "--hash", choices=HASHES, help="mount's noise: the package's first (default), or the better"
     )
+    made.add_argument("--memory", help="budget of the whole process (default: a quarter)")
     made.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     add_order(made, "given")
     add_hierarchy(made)
@@ -64,6 +65,7 @@ def run_spd(options: argparse.Namespace) -> None:
                 options.output,
                 hierarchy=hierarchy,
                 order=options.order,
+                memory=options.memory,
                 threads=threads,
                 progress=progress,
             )

@@ -209,6 +209,7 @@ class SpdScene(abc.ABC):
         *,
         hierarchy: Hierarchy | None = None,
         order: Order = "given",
+        memory: str | int | None = None,
         threads: int | None = None,
         progress: DoneReport | None = None,
     ) -> Scene:
@@ -223,6 +224,8 @@ class SpdScene(abc.ABC):
         order : {"given", "spatial", "auto"}
             The order in which objects are stored; by default the package's, as in the paper. The
             other two are as for `bfrt.convert`.
+        memory : str or int, optional
+            Budget of the whole process, which spatial order asks for, as for `bfrt.convert`.
         threads : int, optional
             Threads that make blocks. By default all cores that this process may use.
         progress : callable, optional
@@ -240,6 +243,9 @@ class SpdScene(abc.ABC):
         DiskFullError
             If the disk has less room than the store takes; this is found before anything is
             written.
+        BudgetError
+            If the budget is below the least that spatial order works with, which the message
+            names.
         StreamError
             If the system refuses a write.
         Cancelled
@@ -251,7 +257,7 @@ class SpdScene(abc.ABC):
         check_free(folder, self.room(order), "writing")
         with SceneWriter(
             path, dtype=np.float32, origin=ORIGIN, hierarchy=hierarchy or self.hierarchy,
-            order=order,
+            order=order, memory=memory,
         ) as writer:  # fmt: skip
             writer.expect(self.counts, self.surface)
             report = staged(progress, "writing", self.objects)
