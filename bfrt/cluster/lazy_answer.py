@@ -21,7 +21,7 @@ class LazyAnswer(ComputedAsArrays, Answer):
         The counters of the query, which compute as `bfrt.cluster.counters.ClusterStats`.
     """
 
-    stats: LazyCounters
+    stats: Any
 
     def compute(self) -> Answer:
         """Compute all arrays and the counters."""
