@@ -113,6 +113,17 @@ def test_a_resolution_is_one_word_or_two(nff, tmp_path, option, size):
         assert (tmp_path / "b.npy").read_bytes() == out.read_bytes()
 
 
+@pytest.mark.parametrize("number", ["-1e1", "-10.", "-1.E+01", "-.1e2", "-10"])
+def test_a_negative_number_is_no_option(nff, tmp_path, number):
+    out = tmp_path / "a.npy"
+    view = ["--from", "0", "0", number, "--at", "0", "0", "0", "--up", "0", "1", "0"]
+    asked = ["render", str(nff), "-o", str(out), "--memory", "128MiB", *view]
+    assert main(asked) == 0
+    asked[3], asked[asked.index(number)] = str(tmp_path / "b.npy"), "-10.0"
+    assert main(asked) == 0
+    assert (tmp_path / "b.npy").read_bytes() == out.read_bytes()
+
+
 @pytest.mark.parametrize("size", [["12x"], ["x8"], ["12x8x3"], ["12"], ["12x8", "3"], ["a", "b"]])
 def test_a_resolution_that_is_none(nff, size):
     done = run("render", nff, "-o", nff.parent / "x.png", "--resolution", *size)

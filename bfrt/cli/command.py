@@ -26,6 +26,9 @@ BAD_INPUT = 1
 WRONG_USE = 2
 PIPE_CLOSED = 141
 
+#: What is a number and no option.
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit status."""
@@ -95,8 +98,12 @@ def fail(error: object, status: int) -> int:
 class Parser(argparse.ArgumentParser):
     """Hears where help cannot be printed; where an error cannot, its status says it.
 
-    Some versions of its base pass over both, and some over neither.
+    Some versions of its base pass over both, and some over neither. Some take negative numbers with
+    an exponent, as -1e3, for options.
     """
+
+    def _parse_optional(self, arg_string: str) -> Any:
+        return None if NEGATIVE.fullmatch(arg_string) else super()._parse_optional(arg_string)
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is not None and file is sys.stdout:

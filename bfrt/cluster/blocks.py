@@ -23,6 +23,7 @@ from bfrt.cluster.asked import Asked
 from bfrt.cluster.counters import ClusterStats, Part, summed
 from bfrt.cluster.engine import dask_array
 from bfrt.cluster.lazy_answer import LazyAnswer, answer_of
+from bfrt.cluster.lazy_counters import LazyCounters, counters_of
 from bfrt.cluster.lazy_rays import LazyRays, lazy_rays
 from bfrt.cluster.place import Place
 from bfrt.cluster.reports import TaskReport
@@ -201,13 +202,15 @@ def _splits(blocks: Any) -> Any:
     return da.concatenate([da.zeros(1, dtype=np.int64, chunks=1), da.cumsum(counts, axis=0)])
 
 
-def _counters(blocks: Any, prepared: Any) -> Any:
+def _counters(blocks: Any, prepared: Any) -> LazyCounters:
     """Return the sum of the counters of all blocks, for Dask to compute."""
-    from dask import delayed
-
-    part = delayed(part_of, pure=True)
-    parts = [part(block) for block in blocks.to_delayed(optimize_graph=False)]
-    return delayed(all_counters, pure=True)(parts, prepared)
+    parts = dask_array().blockwise(
+        part_of, "i", blocks, "i",
+        dtype=object, meta=np.empty(0, object), token="bfrt-part",
+    )  # fmt: skip
+    key = parts.name.replace("part", "counters")
+    task = (all_counters, parts.__dask_keys__(), None if prepared is None else prepared.key)
+    return counters_of({key: task}, key, [parts] if prepared is None else [parts, prepared])
 
 
 def column_of(answer: Mapping[str, Any], key: str) -> NDArray[Any]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from bfrt.cluster.engine import dask_array
+from bfrt.cluster.lazy_counters import ComputedAsArrays, LazyCounters
 from bfrt.queries.question import Answer
 
 
-class LazyAnswer(Answer):
+class LazyAnswer(ComputedAsArrays, Answer):
     """Maps names to dask arrays, of the same dtypes and shapes as an `Answer`'s arrays.
 
     It is a collection of Dask's too: ``dask.compute`` of it is an `Answer`, ``dask.persist`` of it
@@ -17,7 +17,7 @@ class LazyAnswer(Answer):
 
     Attributes
     ----------
-    stats : dask.delayed.Delayed
+    stats : LazyCounters
         The counters of the query, which compute as `bfrt.cluster.counters.ClusterStats`.
     """
 
@@ -57,14 +57,6 @@ class LazyAnswer(Answer):
     def __dask_tokenize__(self) -> tuple[Any, ...]:
         return ("bfrt answer", [*self], self.__dask_keys__())
 
-    @property
-    def __dask_optimize__(self) -> Any:
-        return dask_array().Array.__dask_optimize__
-
-    @property
-    def __dask_scheduler__(self) -> Any:
-        return dask_array().Array.__dask_scheduler__
-
     def __dask_postcompute__(self) -> tuple[Callable[..., Answer], tuple[Any, ...]]:
         return computed, ([*self],)
 
@@ -84,7 +76,7 @@ class LazyAnswer(Answer):
         return answer_of(dict(zip(self, parts, strict=False)), parts[-1])
 
 
-def answer_of(arrays: Mapping[str, Any], stats: Any) -> LazyAnswer:
+def answer_of(arrays: Mapping[str, Any], stats: LazyCounters) -> LazyAnswer:
     """Return the answer that has these dask arrays and counters."""
     answer = LazyAnswer(arrays)
     answer.stats = stats

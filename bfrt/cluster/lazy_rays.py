@@ -63,9 +63,14 @@ def lazy_rays(origins: Any, directions: Any, t_min: Any, t_max: Any) -> LazyRays
     given = origins, directions, t_min, t_max
     chunks = next((each.chunks[0] for each in given if is_lazy(each) and each.ndim), ())
     o, d = _rows("origins", origins, chunks), _rows("directions", directions, chunks)
-    if o.numblocks != d.numblocks or not _same(o.shape, d.shape):
+    if not _same(o.shape, d.shape):
         raise SettingError(
             f"rays: found origins {o.shape} and directions {d.shape}, expected one shape (n, 3)"
+        )
+    if o.numblocks != d.numblocks:
+        raise SettingError(
+            f"rays: found origins in {o.numblocks[0]} blocks and directions in {d.numblocks[0]}, "
+            "some of unknown size, expected the same blocks, as compute_chunk_sizes() allows"
         )
     n = o.shape[0]
     return LazyRays(o, d, _column("t_min", t_min, n, chunks), _column("t_max", t_max, n, chunks))

@@ -126,6 +126,28 @@ def test_persist(shared_client, one, rays, lazy, on):
         assert again.stats.compute().total.rays.eye == RAYS
 
 
+@pytest.mark.parametrize("name", QUERIES)
+def test_a_block_is_traced_once_for_arrays_and_counters(one, lazy, monkeypatch, name):
+    traced = []
+    call = blocks.BlockQuery.__call__
+    monkeypatch.setattr(
+        blocks.BlockQuery, "__call__", lambda self, *given: traced.append(1) or call(self, *given)
+    )
+    answer = getattr(one, name)(*lazy)
+    first, *_ = answer.values()
+    for asked in ((answer,), (first, answer.stats), (first.sum(), answer), (answer.stats,)):
+        *_, last = dask.compute(*asked)
+        stats = last.stats if isinstance(last, bfrt.Answer) else last
+        assert isinstance(stats, ClusterStats) and stats.total.rays.eye == RAYS
+        assert len(traced) == 4
+        traced.clear()
+    answer.persist().compute()
+    assert len(traced) == 4
+    (kept,) = dask.persist(answer.stats)
+    assert kept.compute().total.rays == answer.stats.persist().compute().total.rays
+    assert len(traced) == 12
+
+
 def test_a_block_is_traced_once_whatever_is_computed(one, lazy, monkeypatch):
     traced = []
     call = blocks.BlockQuery.__call__
@@ -204,7 +226,7 @@ def test_blocks_of_unknown_sizes(one, rays, lazy):
     expected = one.cast_rays(rays[0][inside], rays[1][inside], 0.1, far[inside])
     assert_same_answer(one.cast_rays(*chosen, 0.1, ends).compute(), expected)
     others = in_blocks(rays[1], 500)[in_blocks(rays[0], 500)[:, 0] > 0]
-    with pytest.raises(SettingError, match="expected one shape"):
+    with pytest.raises(SettingError, match="origins in 4 blocks and directions in 2, some of unkn"):
         one.cast_rays(chosen[0], others)
     with pytest.raises(SettingError, match=r"t_max: found .* in the blocks of the rays"):
         one.cast_rays(*chosen, t_max=others[:, 0])

@@ -218,12 +218,16 @@ cdef class Columns(Tokens):
         return read_any_number(&self.text, out) == FOUND
 
     cdef void pass_field(self) noexcept nogil:
-        """Go to the separator or to the line's end; in quotes neither is one."""
-        cdef bint quoted = self.text.at[0] == QUOTE
+        """Go to the separator, which is none in quotes, or to the line's end.
+
+        A quote in quotes is two.
+        """
+        cdef bint begun = self.text.at[0] == QUOTE
+        cdef bint quoted = begun
         self.text.at += quoted
         while self.text.at < self.text.end and not is_end(self.text.at[0]):
-            if self.text.at[0] == QUOTE and quoted:
-                quoted = False
+            if self.text.at[0] == QUOTE and begun:
+                quoted = not quoted
             elif self.text.at[0] == self.text.separator and not quoted:
                 break
             self.text.at += 1

@@ -29,6 +29,9 @@ USUAL = {
     7: (*POSITION, "intensity", *COLORS),
 }
 
+#: What begins a comment behind what is in a line, and the rest.
+COMMENT_BEHIND = re.compile(rb"\s#.*", re.DOTALL)
+
 #: Digits of a count, at the most: of more it is none of rows.
 COUNT_DIGITS = 18
 
@@ -100,10 +103,11 @@ def read_head(source: Source, column_names: str | None) -> Head:
     title: Line | None = None
     for line in lines:
         text = line.text.strip()
+        number = COMMENT_BEHIND.sub(b"", text).rstrip()
         if text.startswith(COMMENTS):
             comment = line
-        elif rows is None and title is None and text.isdigit() and len(text) <= COUNT_DIGITS:
-            rows = int(text)
+        elif rows is None and title is None and number.isdigit() and len(number) <= COUNT_DIGITS:
+            rows = int(number)
         elif text and title is None and is_title(text):
             title = line
         elif text:
@@ -132,7 +136,8 @@ def lines_of(text: bytes, source: Source) -> Iterator[Line]:
 
 def is_title(text: bytes) -> bool:
     """Tell whether a line has names: fields of which none is a number, and more than one."""
-    fields = fields_of(text, separator_of(text))
+    row = row_of(text)
+    fields = fields_of(row, separator_of(row))
     return len(fields) > 1 and not any(is_number(field) for field in fields if field)
 
 
@@ -143,6 +148,15 @@ def is_number(field: bytes) -> bool:
     except ValueError:
         return False
     return True
+
+
+def row_of(line: bytes) -> bytes:
+    """Return a row without the comment behind it.
+
+    In a row that a separator parts, a ``#`` may be in a text, as of ``Well #5``.
+    """
+    row = COMMENT_BEHIND.sub(b"", line)
+    return row if sum(map(is_number, row.split())) >= len(POSITION) else line
 
 
 def separator_of(line: bytes) -> bytes:
@@ -172,8 +186,9 @@ def head_of(
     source: Source, first: Line, title: Line | None, rows: int | None, asked: str | None
 ) -> Head:
     """Put together what is known from a file's first row, and from the names before it."""
-    separator = separator_of(first.text)
-    count = len(fields_of(first.text, separator))
+    row = row_of(first.text)
+    separator = separator_of(row)
+    count = len(fields_of(row, separator))
     if count > MOST_COLUMNS:
         raise SceneError(
             f"{source.name}: line {first.number}: found {count} columns, expected "
@@ -198,10 +213,11 @@ def names_in(title: Line, separator: bytes, count: int) -> tuple[str, ...] | Non
     text = title.text.strip()
     comment = text.startswith(COMMENTS)
     text = text.lstrip(b"#/") if comment else text
-    for each in (separator, separator_of(text), BLANK):
-        names = tuple(f.decode("utf-8", "replace").lower() for f in fields_of(text, each))
-        if len(names) == count and (not comment or set(POSITION) <= set(names)):
-            return names
+    for line in (COMMENT_BEHIND.sub(b"", text), text):  # a name may have a # behind a blank
+        for each in (separator, separator_of(line), BLANK):
+            names = tuple(f.decode("utf-8", "replace").lower() for f in fields_of(line, each))
+            if len(names) == count and (not comment or set(POSITION) <= set(names)):
+                return names
     return None
 
 

@@ -104,6 +104,27 @@ def test_comments_blank_lines_and_quotes(tmp_path):
     same(read(path, ("x", "y", "z", "w, x")), [(1, 2, 3, 4), (5, 6, 7, 8), (9, 10, 11, math.nan)])
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1 2 3 # first\n4 5 6\t# second; a, b\n",
+        "1 2 3 # first, with a separator\n4 5 6\n",
+        "1\t2\t3 # a comment of blanks\n4\t5\t6\n",
+        "1,2,3 # first\n4,5,6\n",
+        "1;2;3 # x, y\n4;5;6\n",
+        "2 # points\n1 2 3\n4 5 6\n",
+        "x y z # meters\n1 2 3\n4 5 6\n",
+        "z,y,x # of a station\n3,2,1\n6,5,4\n",
+        "Well #,x,y,z\nWell #5,1,2,3\nWell #6,4,5,6\n",
+        'x,y,z,name\n1,2,3,"a ""big"", old well"\n4,5,6,"""b"", c"\n',
+    ],
+)
+def test_comments_behind_the_first_lines(tmp_path, text):
+    path = tmp_path / "a.txt"
+    path.write_text(text)
+    same(read(path, ("x", "y", "z")), [(1, 2, 3), (4, 5, 6)])
+
+
 def test_empty_fields_are_no_numbers(tmp_path):
     for separator in ",;|":
         path = tmp_path / "a.csv"
