@@ -16,6 +16,7 @@ from bfrt.cli.options import (
     command,
     hierarchy_of,
     tell_checkpoints,
+    tell_readings,
 )
 from bfrt.conversion.convert import convert
 from bfrt.conversion.kept import EVERY
@@ -69,6 +70,7 @@ def convert_input(
     kept: Kept | None = None,
 ) -> Scene:
     """Convert what the command line names as input, with its settings, under a progress bar."""
+    tell_readings(options)
     sources = [options.input] if isinstance(options.input, str) else options.input
     with bars("convert", options.quiet) as progress:
         return convert(
@@ -84,9 +86,11 @@ def convert_input(
             color_by=options.color_by,
             colormap=options.colormap,
             color_range=options.color_range,
+            frame=options.frame,
             skip_invalid=options.skip_invalid,
             triangulate=options.triangulate,
             polygons=options.polygons,
+            smooth=options.smooth,
             external_storage=options.external_storage,
             progress=progress,
             durable=durable,

@@ -13,8 +13,8 @@ from bfrt.store.making import Order
 
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
-    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "skip_invalid",
-    "triangulate", "polygons", "external_storage",
+    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "frame",
+    "skip_invalid", "triangulate", "polygons", "smooth", "external_storage",
 )  # fmt: skip
 
 
@@ -66,6 +66,7 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         "--color-range", type=float, nargs=2, metavar=("LO", "HI"),
         help="numbers of the map's ends (default: the least and the greatest, by another pass)",
     )  # fmt: skip
+    group.add_argument("--frame", type=int, metavar="N", help="from 0, or from -1 back, the last")
     group.add_argument(
         "--skip-invalid",
         action="store_true",
@@ -80,6 +81,10 @@ def add_reading(made: argparse.ArgumentParser) -> None:
     corners.add_argument(
         "--polygons", action="store_true", help="keep all faces of more corners as polygons"
     )
+    group.add_argument(
+        "--smooth", action="store_true",
+        help="shade by the file's normals: faces whose corners have them become patches",
+    )  # fmt: skip
     group.add_argument(
         "--external-storage", action="store_true",
         help="follow external storage of HDF5: rows in files of any kind that a dataset names",
@@ -131,6 +136,12 @@ def check_every(options: argparse.Namespace) -> None:
     """Refuse an interval of no checkpoint."""
     if options.every is not None and options.checkpoint is None:
         raise SettingError(f"--every: found {options.every:g} without --checkpoint, which it is of")
+
+
+def tell_readings(options: argparse.Namespace) -> None:
+    """Have it said on standard error what readers found out, as a radius of points."""
+    if not options.quiet:
+        logging.getLogger("bfrt.formats").setLevel(logging.INFO)
 
 
 def tell_checkpoints(options: argparse.Namespace) -> None:

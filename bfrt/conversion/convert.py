@@ -131,9 +131,11 @@ def convert(
     color_by: str | None = None,
     colormap: str | None = None,
     color_range: tuple[float, float] | None = None,
+    frame: int | None = None,
     skip_invalid: bool = False,
     triangulate: bool = False,
     polygons: bool = False,
+    smooth: bool = False,
     external_storage: bool = False,
     progress: DoneReport | None = None,
     durable: bool = True,
@@ -183,6 +185,9 @@ def convert(
     color_range : (float, float), optional
         The numbers that get the map's first and last color. By default the least and the greatest
         number, which costs a pass over the file.
+    frame : int, optional
+        Of several frames, as H5MD, H5Part and openPMD have, the one to read: from 0, or from -1
+        back. By default the last.
     skip_invalid : bool
         Drop objects that are not finite and faces of fewer than three corners, and log how many. By
         default they are refused.
@@ -192,6 +197,10 @@ def convert(
         polygons.
     polygons : bool
         Store all faces of more than three corners as polygons, each in the plane that fits it.
+    smooth : bool
+        Store faces whose corners have normals in the file as patches, which are shaded by them:
+        OBJ's ``vn``, PLY's ``nx ny nz``, an array ``normals`` beside ``vertices``. Those of more
+        corners become triangles before. By default normals are passed over, which is logged.
     external_storage : bool
         Follow HDF5's external storage: rows that are in files of any kind, which a dataset names.
         It reads whatever this process may read: it is for files that one trusts. By default such a
@@ -245,9 +254,11 @@ def convert(
         color_by=color_by,
         colormap=colormap,
         color_range=color_range,
+        frame=frame,
         skip_invalid=skip_invalid,
         triangulate=triangulate,
         polygons=polygons,
+        smooth=smooth,
         external_storage=external_storage,
         scratch=beside if scratch is None else path_of("scratch", scratch),
         uses=Uses(len(sources)),
@@ -258,15 +269,25 @@ def convert(
         if checkpoint is None:
             scene = write_scene(conversion, progress)
         else:
-            check_can_be_kept(conversion.files)
-            if not isinstance(checkpoint, Checkpoint):
-                check_apart(target, checkpoint)
-            with keeping(checkpoint, every, each=0.0) as kept:
-                assert kept is not None
-                scene = go_on(conversion, kept, progress)
+            scene = write_kept(conversion, checkpoint, every, progress)
     if not scene.objects:
         log.warning("%s: no object was found", conversion.names)
     return scene
+
+
+def write_kept(
+    conversion: Conversion,
+    checkpoint: PathLike | Checkpoint,
+    every: float,
+    progress: DoneReport | None,
+) -> Scene:
+    """Write the sources as `write_scene` does, with their state in a folder."""
+    check_can_be_kept(conversion.files)
+    if not isinstance(checkpoint, Checkpoint):
+        check_apart(conversion.target, checkpoint)
+    with keeping(checkpoint, every, each=0.0) as kept:
+        assert kept is not None
+        return go_on(conversion, kept, progress)
 
 
 def go_on(conversion: Conversion, checkpoint: Checkpoint, progress: DoneReport | None) -> Scene:

@@ -70,8 +70,9 @@ def write_arrays(file: str, arrays: Arrays, writer: ObjectWriter) -> None:
     elif not points and (triangles := triangles_in(file, arrays)):
         write_triangles(arrays, triangles[0], writer)
     else:
+        found = ArrayPoints(file, arrays, reading)
         reading.refuse_all_but(file, "positions", *POINTS)
-        write_points(ArrayPoints(file, arrays, reading), writer)
+        write_points(found, writer)
 
 
 def write_triangles(arrays: Arrays, key: str, writer: ObjectWriter) -> None:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError, StreamError
 from bfrt.formats._obj import Fault, Lines, Statement
+from bfrt.formats.contents import FACES, NORMALS, VERTICES, Row, statements_of
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
@@ -41,6 +42,9 @@ WORDS = {
     Fault.BINARY: "found {} and a NUL byte in the line, expected text",
     Fault.FAR_VERTEX: "found vertex {}, expected one of the file's",
 }
+
+#: Statements that count, and what they become.
+USES = {"v": VERTICES, "vn": NORMALS, "f": FACES, "usemtl": "materials"}
 
 #: Blanks that part names of libraries; one that belongs to a name has a backslash before it.
 PARTING = re.compile(r"(?<!\\)\s+")
@@ -257,3 +261,8 @@ def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None
         else:
             write_mesh(ObjMesh(vertices, source, sink, reading), writer)
         writer.report()
+
+
+def contents_of_obj(path: str) -> list[Row]:
+    """Count the statements that begin an OBJ file; else as `statements_of`."""
+    return statements_of(path, USES)

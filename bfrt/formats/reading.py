@@ -70,11 +70,15 @@ class Reading:
     color_range : (float, float), optional
         The numbers that get the map's first and last color; by default the column's least and
         greatest, which costs a pass over it.
+    frame : int, optional
+        The frame of several, from 0, or from -1 back; the last by default.
     skip_invalid : bool
         Drop and count objects that are not finite, instead of refusing them.
     triangulate, polygons : bool
         Store all faces of four and more corners as triangles, or as polygons; by default those that
         are flat are polygons.
+    smooth : bool
+        Make patches of faces whose corners have normals.
     external_storage : bool
         Follow the external storage of HDF5 datasets, whose rows may be in any file.
     room : int
@@ -88,7 +92,8 @@ class Reading:
     ------
     SettingError
         For a radius that is not above 0, a radius or a range that is not finite, a range whose
-        ends are not in order, and settings that exclude each other.
+        ends are not in order, a frame that is no whole number, and settings that exclude each
+        other.
     """
 
     radius: float | str | None = None
@@ -96,9 +101,11 @@ class Reading:
     color_by: str | None = None
     colormap: str | None = None
     color_range: tuple[float, float] | None = None
+    frame: int | None = None
     skip_invalid: bool = False
     triangulate: bool = False
     polygons: bool = False
+    smooth: bool = False
     external_storage: bool = False
     room: int = 1 << 27
     scratch: Path = Path()
@@ -107,8 +114,10 @@ class Reading:
     def __post_init__(self) -> None:
         if self.radius is not None and not isinstance(self.radius, str):
             check_radius(self.radius)
-        if self.triangulate and self.polygons:
-            raise SettingError("triangulate, polygons: found both, expected one of them or none")
+        check_frame(self.frame)
+        for other in ("triangulate", "smooth"):
+            if getattr(self, other) and self.polygons:
+                raise SettingError(f"{other}, polygons: found both, expected one of them or none")
         if self.color_range is None:
             return
         try:
@@ -164,6 +173,18 @@ class Reading:
             raise SettingError(
                 "colormap, color_range: found without color_by, expected with it only"
             )
+
+
+def check_frame(frame: object) -> None:
+    """Refuse a frame that is no whole number.
+
+    Raises
+    ------
+    SettingError
+        If it is none.
+    """
+    if frame is not None and (not isinstance(frame, int) or isinstance(frame, bool)):
+        raise SettingError(f"frame: found {frame!r:.80}, expected a whole number, as 0 or -1")
 
 
 def check_radius(radius: object) -> None:

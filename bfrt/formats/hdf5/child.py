@@ -37,7 +37,8 @@ class Server:
         self._verbs: dict[str, Callable[..., Answer]] = {
             "has": self.has,
             "open": self.open,
-            "shallow": self.shallow,
+            "frame": self.frame,
+            "attributes": self.attributes,
             "begin": self.begin,
             "next": self.next,
             "end": self.end,
@@ -58,8 +59,11 @@ class Server:
     def open(self, name: str) -> Answer:
         return self._facts(self._datasets[name])
 
-    def shallow(self, number: int) -> Answer:
-        return self._facts(self._arrays[number].shallow())
+    def frame(self, number: int, place: int) -> Answer:
+        return self._facts(self._arrays[number].frame(place))
+
+    def attributes(self, path: str, *names: str) -> Answer:
+        return ["done", self._datasets.attributes(path, *names)], None
 
     def begin(self, number: int, rows: int) -> Answer:
         """Begin to read an array's rows, `rows` at a time."""

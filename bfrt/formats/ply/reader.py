@@ -20,6 +20,7 @@ from bfrt.formats.source import Report, printable
 FULL_COLOR = {1: 255.0, 3: 65535.0}
 
 POSITION = ("x", "y", "z")
+NORMAL = ("nx", "ny", "nz")
 
 #: Names that a file's own colors go by; of several the first counts.
 COLOR_NAMES = (COLORS, ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
