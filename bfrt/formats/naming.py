@@ -117,8 +117,15 @@ def folders_of_three(arrays: Arrays) -> list[str]:
     return [folder for folder in dict.fromkeys(folders) if three(arrays, folder, AXES)]
 
 
-def mesh_in(file: str, arrays: Arrays) -> list[str]:
+def mesh_in(file: str, arrays: Arrays, home: str | None = None) -> list[str]:
     """Find the keys of vertices and of faces in one folder; an empty list if there are none.
+
+    Parameters
+    ----------
+    file : str
+    arrays : Mapping
+    home : str, optional
+        The folder that is asked for.
 
     Raises
     ------
@@ -127,7 +134,8 @@ def mesh_in(file: str, arrays: Arrays) -> list[str]:
     """
     vertices, faces = called(arrays, ("vertices",)), faces_called(arrays)
     pairs = ([v, f] for v in vertices for f in faces if folder_of(v) == folder_of(f))
-    return the_one(file, arrays, {folder_of(pair[0]): pair for pair in pairs})
+    found = {folder_of(pair[0]): pair for pair in pairs}
+    return the_one(file, arrays, found) if home is None else found.get(home.strip("/"), [])
 
 
 def faces_called(arrays: Arrays) -> list[str]:
@@ -156,7 +164,7 @@ def the_one(file: str, arrays: Arrays, found: dict[str, list[str]]) -> list[str]
         keys = [key for keys in found.values() for key in keys]
         raise SceneError(
             f"{file}: found {listed(arrays, keys)}, expected one mesh, or positions= with the "
-            "name of points"
+            "name of points or of one's group"
         )
     return found.get("") or next(iter(found.values()), [])
 
