@@ -97,3 +97,24 @@ def h5part(path, steps):
             for name, data in {**dict(zip(AXES, rows.T, strict=True)), **more}.items():
                 made[f"Step#{number}/{name}"] = data
     return path
+
+
+# --- small ones of all there is ------------------------------------------------------------------
+
+
+def an_openpmd(path):
+    """Two iterations, units, offsets and constants."""
+    rows, cells = RNG.random((9, 3)).astype("f4"), RNG.integers(0, 99, (9, 3))
+    own = species_of(rows, 0.5, cells, 0.5, mass=((2.0, 9), 1.0))
+    return openpmd(path, {0: {"e": own}, 50: {"e": own}})
+
+
+def an_h5md(path):
+    """Three frames, with a column of as many."""
+    frames = RNG.random((3, 9, 3)).astype("f4")
+    return h5md(path, {"all": {"position": (frames, True), "mass": (frames[..., 0], True)}})
+
+
+def an_h5part(path):
+    """Two steps."""
+    return h5part(path, {n: (RNG.random((9, 3)), {"mass": np.arange(9.0)}) for n in (0, 1)})

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import hdf5_files
+import layout_files
 from fuzz.readers import POINTS, convert
 from fuzz.trial import Harness, of_bytes
 
@@ -68,6 +69,9 @@ def hdf5(home: Path) -> Harness:
     seeds.append(path.read_bytes())
     hdf5_files.virtual(home / "virtual.h5")
     seeds.append((home / "virtual.h5").read_bytes())
+
+    for layout in (layout_files.an_openpmd, layout_files.an_h5md, layout_files.an_h5part):
+        seeds.append(layout(home / "layout.h5").read_bytes())
 
     def run(data: bytes, folder: Path) -> None:
         (folder / "in" / "a.h5").write_bytes(data)
