@@ -346,7 +346,8 @@ def rooms_of(conversion: Conversion) -> list[int]:
         s.scene.store_bytes if isinstance(s, StandardScene) else None for s in conversion.sources
     ]
     sized = zip(conversion.sources, sizes, strict=True)
-    needs = [need_of(source.name, size, colored=colored) for source, size in sized]
+    smooth = conversion.reading.smooth
+    needs = [need_of(source.name, size, colored=colored, smooth=smooth) for source, size in sized]
     return rooms_for(needs, conversion.memory)
 
 

@@ -39,7 +39,7 @@ def read_hdf5(path: str, sink: SceneSink, reading: Reading, report: Report | Non
         If the system refuses to read it.
     """
     check_library(path)
-    taken = need_of(path, colored=reading.color_by == RGB).blocks
+    taken = need_of(path, colored=reading.color_by == RGB, smooth=reading.smooth).blocks
     limits = (taken, reading.room // 2, reading.external_storage)
     own = replace(reading, room=reading.room - reading.room // 2)
     reading.uses.known.add("external_storage")
