@@ -58,6 +58,7 @@ def test_there_are_examples():
         "particles",
         "rings",
         "sight",
+        "smooth",
         "snapshot",
     ]
 

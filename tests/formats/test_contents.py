@@ -124,6 +124,16 @@ def test_text(tmp_path):
     assert told(path) == {"s": ((2,), "text", "spheres")}
 
 
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_text_of_another_encoding(tmp_path, encoding):
+    path = tmp_path / "a.obj"
+    path.write_bytes("\ufeffv 0 0 0\nv 1 0 0\n".encode(encoding))
+    assert told(path) == {"v": ((2,), "text", "vertices")}
+    path.write_bytes(bytes(range(256)) * 9)
+    with pytest.raises(BfrtError, match="found no line of v, vn, f, usemtl, expected some"):
+        describe_file(str(path))
+
+
 def test_stl(tmp_path):
     path = tmp_path / "a.stl"
     path.write_bytes(bytes(80) + (2).to_bytes(4, "little") + bytes(100))

@@ -307,3 +307,14 @@ def test_a_smooth_mesh_has_the_normals_of_its_corners(tmp_path):
     found = scene.render(camera=camera).channels
     n = np.array([found[f"N.{axis}"].item() for axis in "XYZ"])
     assert np.allclose(n, own / np.linalg.norm(own), atol=1e-5)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-8-sig"])
+def test_an_obj_of_another_encoding(tmp_path, encoding):
+    path = tmp_path / "a.obj"
+    write_obj(path, [[(v, v) for v in face] for face in TRIANGLES])
+    right = shapes_of(convert(path, smooth=True))
+    mark = "" if encoding.endswith("sig") else "\ufeff"
+    path.write_bytes((mark + path.read_text()).encode(encoding))
+    assert shapes_of(convert(path, smooth=True)) == right
+    assert len(right) == 3
