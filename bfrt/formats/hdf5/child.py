@@ -6,6 +6,7 @@ import contextlib
 import io
 import itertools
 import os
+import resource
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -95,12 +96,23 @@ def said(error: BaseException) -> list[Any]:
 
 def serve(channel: Channel, path: str, limits: Limits) -> None:
     """Say which datasets a file has, and answer until nothing is asked any more."""
+    end_after(limits.seconds)
     with Source(path) as source, closing(Datasets(source, limits)) as datasets:
         channel.send(["done", *datasets])
         server = Server(datasets)
         while True:
             request, _ = channel.receive()
+            end_after(limits.seconds)
             channel.send(*server.answer(*request))
+
+
+def end_after(seconds: int) -> None:
+    """Have the system end this process when it has had the processor for so many seconds more."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    soft = int(used.ru_utime + used.ru_stime) + 1 + seconds
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    bounded = soft if hard == resource.RLIM_INFINITY else min(soft, hard)
+    resource.setrlimit(resource.RLIMIT_CPU, (bounded, hard))
 
 
 def main(path: str, limits: list[Any]) -> None:

@@ -37,6 +37,10 @@ DEEPEST = 16
 PREFIXES = "HDF5_VDS_PREFIX"
 RAW_PREFIX = "HDF5_EXTFILE_PREFIX"
 
+#: Seconds that an answer may take: more than the largest chunk does, or the names of very many
+#: datasets.
+SECONDS = 300
+
 #: HDF5 unpacks a chunk whole: it holds what is packed, what is not, and what each filter makes.
 CHUNKS_AT_ONCE = 4
 
@@ -108,11 +112,15 @@ class Limits(NamedTuple):
         Bytes that HDF5 may take for chunks.
     external_storage : bool
         Whether rows may be in files that are no HDF5.
+    seconds : int
+        Seconds of the processor that an answer may take: HDF5 goes round for ever in some files
+        that are damaged.
     """
 
     taken: int
     room: int
     external_storage: bool = False
+    seconds: int = SECONDS
 
 
 class Origins:
