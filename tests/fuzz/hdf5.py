@@ -20,6 +20,10 @@ from bfrt.formats.hdf5 import child, remote
 from bfrt.formats.hdf5.origins import Limits
 
 
+#: Seconds that an answer may take here, where files are small.
+SECONDS = 5
+
+
 class Forked:
     """Stands for `subprocess.Popen` of the process that reads."""
 
@@ -52,7 +56,7 @@ def serve(path: str, limits: list[Any], streams: Sequence[int]) -> None:
         for number, stream in enumerate((*streams, nowhere)):
             os.dup2(stream, number)
         os.closerange(3, 256)
-        child.main(path, list(Limits(*limits)))
+        child.main(path, list(Limits(*limits)._replace(seconds=SECONDS)))
     finally:
         os._exit(0)
 

@@ -17,7 +17,7 @@ from bfrt.formats.hdf5.remote import SERVE, RemoteArrays
 
 pytest.importorskip("h5py", reason="h5py is not installed: bfrt[hdf5]")
 
-#: What fuzzing found: one of openPMD's groups, flipped bytes, and all zeros that make no difference.
+#: What fuzzing found: groups as of openPMD with flipped bytes, and zeros that change nothing.
 ENDLESS = (
     "c-rmNy-EW?5C`zt5Ah5H5)l$?ywXav5L+d=m_m#sDJ%^rD1s-"
     "KfTgXzfZ!YWD85y^xt+zmEd_<(|JMw&JDCk(cJn&y51Nhb2C*a|ODzg51$CobTuD?CUnG8Lzpko1`8c(ue_S^mXB"
