@@ -19,7 +19,6 @@ from fuzz.trial import Harness, of_bytes
 from bfrt.formats.hdf5 import child, remote
 from bfrt.formats.hdf5.origins import Limits
 
-
 #: Seconds that an answer may take here, where files are small.
 SECONDS = 5
 
