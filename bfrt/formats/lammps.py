@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, SettingError
+from bfrt.errors import SceneError
 from bfrt.formats.columns import POSITION, ColumnPoints, combined
 from bfrt.formats.lines._lines import MOST_COLUMNS
 from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, Place, is_number
@@ -23,6 +23,7 @@ from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import write_points
 from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, quoted
+from bfrt.formats.table import frame_of
 
 #: What each part of a frame begins with, and the part that a frame begins with.
 ITEM = b"ITEM:"
@@ -75,11 +76,7 @@ def find_frame(source: Source, wanted: int) -> Place:
         raise SceneError(
             f"{source.name}: found no line {FRAME.decode()}, expected a dump of LAMMPS"
         )
-    if wanted >= 0 or -wanted > count:
-        raise SettingError(
-            f"{source.name}: found {count} frames, expected frame={wanted} to be one of 0 to "
-            f"{count - 1}, or of -1 to {-count}"
-        )
+    frame_of(wanted, count, source.name)
     return last[0]
 
 

@@ -203,6 +203,9 @@ class OffMesh:
     """Presents an OFF file as a `bfrt.formats.mesh.Mesh`, or without faces as points."""
 
     row = coordinates = np.dtype("f8")
+    what = "vertex"
+    has_normals = False  # those of NOFF are passed over
+    normals = None
 
     def __init__(self, off: Off, reading: Reading) -> None:
         self.name = off.name

@@ -23,7 +23,7 @@ from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
-from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of
+from bfrt.store.given import array_of, column_of, faces_among, floats_of, rows_beside, rows_of
 from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Making, Order, checked_order
@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from typing import Self  # Python 3.11
 
 log = logging.getLogger(__name__)
+
+#: Faces of a mesh that are made objects at once.
+FACES_AT_ONCE = 1 << 17
 
 
 def check_new_store(path: str | os.PathLike[str]) -> Path:
@@ -246,6 +249,47 @@ class StoreWriter(ViewWriter, RecordWriter):
         own = rows_beside("normals", normals, (3, 3), n, "vertices")
         records = np.hstack([v.reshape(n, 9), own.reshape(n, 9)])
         self.append(Kind.PATCH, records, materials, group=group)
+
+    def mesh(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        normals: ArrayLike | None = None,
+        materials: ArrayLike | None = None,
+        *,
+        group: int = 0,
+    ) -> None:
+        """Add triangles that share vertices, or patches, where vertices have normals.
+
+        Parameters
+        ----------
+        vertices : (v, 3) array_like
+            World coordinates. Float32 stays float32; all other numbers are taken as float64.
+        faces : (n, 3) array_like of int
+            The vertices of each triangle, from 0, counterclockwise seen from outside.
+        normals : (v, 3) array_like, optional
+            The normal at each vertex, of any length, which makes patches. One of zeros is none:
+            the others of a face count alone, and where they cancel the face's own.
+        materials, group
+            As for `spheres`: one for each face.
+
+        Raises
+        ------
+        SceneError, SettingError, DiskFullError, StreamError
+            As for `spheres`; SceneError for a face of a vertex that is not there, too.
+        """
+        v, n = rows_of("vertices", vertices, (3,))
+        corners = faces_among(faces, n)
+        indices = self._material_indices(materials, len(corners))
+        kind = Kind.TRIANGLE
+        if normals is not None:
+            v = np.hstack([v, rows_beside("normals", normals, (3,), n, "vertices")])
+            kind = Kind.PATCH
+        for first in range(0, len(corners), FACES_AT_ONCE):
+            part = slice(first, first + FACES_AT_ONCE)
+            own = v.take(corners[part], axis=0).reshape(-1, 3, v.shape[1] // 3, 3)
+            records = own.swapaxes(1, 2).reshape(len(own), -1)
+            self.append(kind, records, indices[part], group=group)
 
     def polygons(
         self,
