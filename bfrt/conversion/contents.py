@@ -7,19 +7,25 @@ Of a format without a line its suffix and the file's size are told.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from bfrt.conversion.sources import READERS, Reader, read_nff_as_is
+from bfrt.conversion.sources import READERS, Reader, read_nff_as_is, reader_of
 from bfrt.errors import SettingError
 from bfrt.formats.contents import Row
+from bfrt.formats.e57.reader import contents_of_e57, read_e57
+from bfrt.formats.gzipped import suffix_of
 from bfrt.formats.hdf5.reader import contents_of_hdf5, read_hdf5
+from bfrt.formats.lammps import contents_of_lammps, read_lammps
 from bfrt.formats.las import contents_of_las, read_las
+from bfrt.formats.lines.reader import contents_of_lines, read_lines
 from bfrt.formats.nff import contents_of_nff
 from bfrt.formats.npy import contents_of_npy, contents_of_npz, read_npy, read_npz
 from bfrt.formats.obj import contents_of_obj, read_obj
+from bfrt.formats.off import contents_of_off, read_off
+from bfrt.formats.pcd.reader import contents_of_pcd, read_pcd
 from bfrt.formats.ply.contents import contents_of_ply
 from bfrt.formats.ply.reader import read_ply
+from bfrt.formats.raster.reader import contents_of_raster, read_raster
 from bfrt.formats.source import Source
 from bfrt.formats.stl import contents_of_stl, read_stl
 
@@ -40,12 +46,18 @@ FORMATS: dict[Reader, Format] = {
     read_npz: Format("NPZ", contents_of_npz),
     read_hdf5: Format("HDF5", contents_of_hdf5),
     read_las: Format("LAS", contents_of_las),
+    read_raster: Format("raster", contents_of_raster),
+    read_lines: Format("points of text", contents_of_lines),
+    read_e57: Format("E57", contents_of_e57),
+    read_pcd: Format("PCD", contents_of_pcd),
+    read_off: Format("OFF", contents_of_off),
+    read_lammps: Format("LAMMPS", contents_of_lammps),
 }
 
 
 def is_scene_file(name: str) -> bool:
     """Tell whether a name has the suffix of a format that is read."""
-    return Path(name).suffix.lower() in READERS
+    return suffix_of(name) in READERS
 
 
 def describe_file(name: str) -> dict[str, Any]:
@@ -62,10 +74,11 @@ def describe_file(name: str) -> dict[str, Any]:
     """
     if not is_scene_file(name):
         raise SettingError(f"{name}: found no file of {', '.join(READERS)}, expected one")
+    reader = reader_of(name)
+    assert reader is not None
     with Source(name) as source:
         size = source.size
-    suffix = Path(name).suffix.lower()
-    form = FORMATS.get(READERS[suffix], Format(suffix.removeprefix(".").upper(), nothing))
+    form = FORMATS.get(reader, Format(suffix_of(name).removeprefix(".").upper(), nothing))
     return {
         "file": name,
         "format": form.name,

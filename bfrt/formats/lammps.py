@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
+from bfrt.formats.column_contents import rows_of_columns
 from bfrt.formats.columns import POSITION, ColumnPoints, combined
+from bfrt.formats.contents import Row
 from bfrt.formats.lines._lines import MOST_COLUMNS
 from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, Place, is_number
 from bfrt.formats.lines.table import LineTable, Names
@@ -253,3 +255,11 @@ def read_lammps(path: str, sink: SceneSink, reading: Reading, report: Report | N
         atoms = Atoms(source, read_frame(source, place))
         write_points(ColumnPoints(atoms, reading), writer)
         writer.report()
+
+
+def contents_of_lammps(path: str) -> list[Row]:
+    """List the columns of a dump's first frame; else as `read_lammps`."""
+    with Source(path) as source:
+        frame = read_frame(source, find_frame(source, 0))
+        columns = rows_of_columns(Atoms(source, frame).names, frame.head.rows, "text")
+        return [Row("frames", (), "", "of which follows the first: --frame N"), *columns]

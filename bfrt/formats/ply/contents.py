@@ -7,6 +7,7 @@ from bfrt.formats.contents import COLOR, FACES, NORMALS, OWN_COLORS, POINTS, RAD
 from bfrt.formats.ply.element import CODES, CORNERS, Element, Property
 from bfrt.formats.ply.file import Ply
 from bfrt.formats.ply.reader import COLOR_NAMES, NORMAL
+from bfrt.formats.ply.splats import CONSTANTS, OPACITY, are_splats
 
 
 def contents_of_ply(path: str) -> list[Row]:
@@ -45,6 +46,11 @@ def use_of(element: Element, column: Property, *, has_faces: bool) -> str:
     if any(name in names and all(map(element.find, names)) for names in COLOR_NAMES):
         return OWN_COLORS
     options = [COLOR.format(name)]
+    if element.name == "vertex" and not has_faces and are_splats(element):
+        if name in CONSTANTS:
+            return OWN_COLORS
+        if name == OPACITY:
+            options.insert(0, "--opacity T")
     if element.name == "vertex":
         if name in POSITION:
             return f"{VERTICES if has_faces else POINTS}, {options[0]}"
