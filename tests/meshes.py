@@ -94,7 +94,7 @@ def shades(store: Store) -> list[float]:
 
 def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
     """A mesh's vertices have so many bytes, whatever the budget."""
-    patch.setattr("bfrt.conversion.convert.rooms_for", lambda needs, _: [room] * len(needs))
+    patch.setattr("bfrt.conversion.writing.rooms_for", lambda needs, _: [room] * len(needs))
 
 
 def open_files() -> int:
