@@ -13,7 +13,9 @@ class Arrays:
     """A mesh of arrays, in blocks of any size; what it is may change from pass to pass."""
 
     name = "mesh"
-    painted = False
+    what = "vertex"
+    painted = has_normals = False
+    normals = None
 
     def __init__(self, vertices, faces, *, block=3):
         self.arrays = np.asarray(vertices)

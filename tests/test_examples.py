@@ -61,6 +61,8 @@ def test_there_are_examples():
         "rings",
         "scan",
         "sight",
+        "smooth",
+        "snapshot",
         "viewshed",
     ]
 

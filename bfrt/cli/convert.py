@@ -111,6 +111,7 @@ def convert_input(options: argparse.Namespace, target: PathLike, wanted: Wanted)
             skip_invalid=options.skip_invalid,
             triangulate=options.triangulate,
             polygons=options.polygons,
+            smooth=options.smooth,
             external_storage=options.external_storage,
             band=options.band,
             height_scale=options.height_scale,

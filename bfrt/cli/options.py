@@ -14,8 +14,8 @@ from bfrt.store.making import Order
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
     "dtype", "radius", "positions", "color_by", "colormap", "color_range", "column_names",
-    "frame", "opacity", "skip_invalid", "triangulate", "polygons", "external_storage", "band",
-    "height_scale", "curvature", "floor",
+    "frame", "opacity", "skip_invalid", "triangulate", "polygons", "smooth", "external_storage",
+    "band", "height_scale", "curvature", "floor",
 )  # fmt: skip
 
 
@@ -90,6 +90,10 @@ def add_reading(made: argparse.ArgumentParser) -> None:
     corners.add_argument(
         "--polygons", action="store_true", help="keep all faces of more corners as polygons"
     )
+    group.add_argument(
+        "--smooth", action="store_true",
+        help="shade by the file's normals: faces whose corners have them become patches",
+    )  # fmt: skip
     group.add_argument(
         "--external-storage", action="store_true",
         help="follow external storage of HDF5: rows in files of any kind that a dataset names",

@@ -1,4 +1,4 @@
-"""Commands about a store that is there: ``bfrt info`` and ``bfrt verify``."""
+"""Commands about what is there: ``bfrt info`` of a store or a scene file, and ``bfrt verify``."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import json
 from typing import Any
 
 from bfrt.cli.options import command
+from bfrt.conversion.contents import describe_file, is_scene_file
+from bfrt.conversion.sources import is_store
+from bfrt.formats.source import printable
 from bfrt.scene import open_scene
 from bfrt.shards.store import open_any
 from bfrt.store.store import Store, bounds_to
@@ -14,13 +17,15 @@ from bfrt.store.stream import Stream
 
 
 def add_info(commands: Any) -> None:
-    made = command(commands, "info", run_info, "Show what a scene store holds.")
-    made.add_argument("store")
+    about = "Show what a scene store holds, or what is in a file and which option takes it."
+    made = command(commands, "info", run_info, about)
+    made.add_argument("store", metavar="PATH", help="a store, or a file to convert")
     made.add_argument("--json", action="store_true", help="the same as JSON")
 
 
 def run_info(options: argparse.Namespace) -> None:
-    facts = describe(open_any(options.store))
+    is_file = not is_store(options.store) and is_scene_file(options.store)
+    facts = describe_file(options.store) if is_file else describe(open_any(options.store))
     if options.json:
         print(json.dumps(facts, indent=1))
         return
@@ -28,8 +33,20 @@ def run_info(options: argparse.Namespace) -> None:
         if key == "streams":
             for stream in value:
                 print("  ".join(f"{k} {v}" for k, v in stream.items()))
+        elif key == "contents":
+            print("\n".join(lines_of(value)))
         else:
             print(f"{key}: {value}")
+
+
+def lines_of(contents: list[dict[str, Any]]) -> list[str]:
+    """Return the parts of a file as lines of a table: name, rows, type and use."""
+    rows = [
+        (printable(row["name"]), " x ".join(map(str, row["shape"])), row["dtype"], row["use"])
+        for row in contents
+    ]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    return ["  ".join(map(str.ljust, row, [*widths, 0])).rstrip() for row in rows]
 
 
 def describe(store: Store) -> dict[str, Any]:

@@ -46,6 +46,7 @@ def convert(
     skip_invalid: bool = False,
     triangulate: bool = False,
     polygons: bool = False,
+    smooth: bool = False,
     external_storage: bool = False,
     band: int | None = None,
     height_scale: float | None = None,
@@ -112,8 +113,8 @@ def convert(
         Names for the columns of points of text, parted by commas or blanks, in place of what the
         file has; "-" for a column that is not wanted.
     frame : int, optional
-        Of several frames, as LAMMPS dumps have, the one to read: from 0, or from -1 back. By
-        default the last.
+        Of several frames, as LAMMPS dumps, H5MD, H5Part and openPMD have, the one to read: from 0,
+        or from -1 back. By default the last.
     opacity : float, optional
         Of Gaussian splats only those are read that are as opaque as that, 0 to 1.
     skip_invalid : bool
@@ -125,6 +126,10 @@ def convert(
         polygons.
     polygons : bool
         Store all faces of more than three corners as polygons, each in the plane that fits it.
+    smooth : bool
+        Store faces whose corners have normals in the file as patches, which are shaded by them:
+        OBJ's ``vn``, PLY's ``nx ny nz``, an array ``normals`` beside ``vertices``. Those of more
+        corners become triangles before. By default normals are passed over, which is logged.
     external_storage : bool
         Follow HDF5's external storage: rows that are in files of any kind, which a dataset names.
         It reads whatever this process may read: it is for files that one trusts. By default such a
@@ -205,6 +210,7 @@ def convert(
         skip_invalid=skip_invalid,
         triangulate=triangulate,
         polygons=polygons,
+        smooth=smooth,
         external_storage=external_storage,
         band=band,
         height_scale=height_scale,

@@ -170,7 +170,8 @@ def rooms_of(conversion: Conversion) -> list[int]:
 def need_for(conversion: Conversion, source: SceneSource) -> Need:
     """Work out what the conversion of a source takes, its objects' order included."""
     how = conversion.writing
-    colored, ordered = conversion.reading.color_by == RGB, how.order != "given"
+    reading, ordered = conversion.reading, how.order != "given"
+    colored = reading.color_by == RGB
     wide = how.dtype not in ("float32", np.float32)
     if isinstance(source, StandardScene):
         counts = source.scene.counts.items() if ordered else ()
@@ -178,7 +179,7 @@ def need_for(conversion: Conversion, source: SceneSource) -> Need:
         size = source.scene.store_bytes
         return need_of(source.name, size, colored=colored, ordering=max(leasts, default=0))
     ordering = ordering_of(source.name, wide=wide) if ordered else 0
-    return need_of(source.name, colored=colored, ordering=ordering)
+    return need_of(source.name, colored=colored, smooth=reading.smooth, ordering=ordering)
 
 
 def open_writer(conversion: Conversion, kept: KeptConversion | None) -> SceneWriter:

@@ -14,6 +14,7 @@ class Fault(enum.IntEnum):
     MANY_CORNERS = 6
     BINARY = 7
     FAR_VERTEX = 8
+    NO_NORMAL = 9
 
 class Statement(enum.IntEnum):
     MATERIAL = 0
@@ -21,6 +22,7 @@ class Statement(enum.IntEnum):
 
 class Lines(Tokens):
     vertices: int
+    normals: int
     faces: int
     colored: int
     passed: int
@@ -28,7 +30,7 @@ class Lines(Tokens):
     unknown: int
     stranger: tuple[int, bytes]
     fault: int
-    def __init__(self, of_faces: bool, fewest: int = 3) -> None: ...
+    def __init__(self, of_faces: bool, fewest: int = 3, of_normals: bool = False) -> None: ...
     def parse(
         self, chunk: npt.NDArray[np.uint8]
     ) -> tuple[

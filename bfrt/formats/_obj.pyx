@@ -34,6 +34,7 @@ cpdef enum Fault:
     MANY_CORNERS
     BINARY
     FAR_VERTEX
+    NO_NORMAL
 
 cpdef enum Statement:
     MATERIAL
@@ -70,10 +71,12 @@ cdef class Lines(Tokens):
         Whether faces are wanted, and not vertices.
     fewest : int
         Corners that a face has at the least.
+    of_normals : bool
+        Whether normals are wanted in place of vertices, and of faces their numbers.
 
     Attributes
     ----------
-    vertices, faces : int
+    vertices, normals, faces : int
         Read or passed so far.
     colored : int
         Vertices that had a color.
@@ -85,6 +88,7 @@ cdef class Lines(Tokens):
     """
 
     cdef readonly int64_t vertices
+    cdef readonly int64_t normals
     cdef readonly int64_t faces
     cdef readonly int64_t colored
     cdef readonly int64_t passed
@@ -93,6 +97,7 @@ cdef class Lines(Tokens):
     cdef readonly object stranger
     cdef readonly int fault
     cdef bint of_faces
+    cdef bint of_normals
     cdef int64_t fewest
     cdef double *out_vertices
     cdef int64_t *out_corners
@@ -102,10 +107,11 @@ cdef class Lines(Tokens):
     cdef Py_ssize_t counts
     cdef list statements
 
-    def __init__(self, bint of_faces, int64_t fewest=3):
+    def __init__(self, bint of_faces, int64_t fewest=3, bint of_normals=False):
         self.of_faces = of_faces
+        self.of_normals = of_normals
         self.fewest = fewest
-        self.vertices = self.faces = self.colored = 0
+        self.vertices = self.normals = self.faces = self.colored = 0
         self.passed = self.strokes = self.unknown = 0
         self.fault = 0
 
@@ -115,9 +121,9 @@ cdef class Lines(Tokens):
         Returns
         -------
         vertices : (n, 6) float64
-            x y z, and r g b from 0 to 1, or -1.
+            x y z, and r g b from 0 to 1, or -1; of normals x y z alone count.
         corners : (m,) int64
-            Vertices of faces, from 0.
+            Vertices of faces, from 0; normals from 1, and 0 for a corner without one.
         counts : (k,) uint32
             Corners of each.
         statements : list of (int, Statement, bytes)
@@ -191,7 +197,11 @@ cdef class Lines(Tokens):
             at = self.text.at
         if at[0] == b"v" and ends_word(at + 1):
             self.text.at += 1
-            return self.read_vertex()
+            self.vertices += 1
+            if not (self.of_faces or self.of_normals):
+                return self.read_vertex()
+            self.skip_line()
+            return 0
         if at[0] == b"f" and (ends_word(at + 1) or (at[1] == b"o" and ends_word(at + 2))):
             self.text.at += 2 if at[1] == b"o" else 1
             if self.of_faces:
@@ -199,6 +209,10 @@ cdef class Lines(Tokens):
             self.faces += 1
         elif at[0] == b"v" and (at[1] == b"n" or at[1] == b"t") and ends_word(at + 2):
             self.passed += 1
+            self.normals += at[1] == b"n"
+            if at[1] == b"n" and self.of_normals and not self.of_faces:
+                self.text.at += 2
+                return self.read_vertex()
         elif self.of_faces:
             self.keep_material()
         else:
@@ -207,15 +221,14 @@ cdef class Lines(Tokens):
         return 0
 
     cdef int read_vertex(self) except -1 nogil:
-        """Read x y z, and a color or -1; pass over a weight and what follows a color."""
+        """Read x y z, and a color or -1; pass over a weight and what follows a color.
+
+        A normal is read alike.
+        """
         cdef double values[COLUMNS]
         cdef int count = 0
         cdef int i
         cdef double *out
-        self.vertices += 1
-        if self.of_faces:
-            self.skip_line()
-            return 0
         while count < COLUMNS and self.in_line():
             if self.read_value(&values[count]) != FOUND:
                 return self.fail(NO_NUMBER)
@@ -268,24 +281,22 @@ cdef class Lines(Tokens):
         return 0
 
     cdef bint read_corner(self, int64_t *index) noexcept nogil:
-        """Read a vertex's index; pass over the texture and the normal that slashes part from it."""
+        """Read a vertex's index; pass over the texture and the normal that slashes part from it.
+
+        Where normals are wanted the index becomes the normal's number.
+        """
         cdef Py_ssize_t i = 0
-        cdef int64_t value = 0
+        cdef int64_t value
         cdef bint minus
         if measure(&self.text) != FOUND:
             self.fail(NO_INDEX)
             return False
         if self.goes_on():
             self.text.length -= 1
-        minus = self.text.token[0] == MINUS
-        if minus or self.text.token[0] == PLUS:
-            i = 1
-        if i == self.text.length or <unsigned char>(self.text.token[i] - 48) >= 10:
+        value = self.take_number(&i, &minus)
+        if value < 0:
             self.fail(NO_INDEX)
             return False
-        while i < self.text.length and <unsigned char>(self.text.token[i] - 48) < 10:
-            value = min(value * 10 + (self.text.token[i] - 48), FAR)
-            i += 1
         if i < self.text.length and self.text.token[i] != SLASH:
             self.fail(NO_INDEX)
             return False
@@ -296,7 +307,45 @@ cdef class Lines(Tokens):
         if value == FAR:
             self.fail(FAR_VERTEX)
             return False
+        if self.of_normals and not self.read_corner_normal(i, index):
+            return False
         consume(&self.text)
+        return True
+
+    cdef inline int64_t take_number(self, Py_ssize_t *at, bint *minus) noexcept nogil:
+        """Read the whole number at a place of the token, without its sign; -1 if there is none."""
+        cdef Py_ssize_t i = at[0]
+        cdef int64_t value = 0
+        minus[0] = i < self.text.length and self.text.token[i] == MINUS
+        if minus[0] or (i < self.text.length and self.text.token[i] == PLUS):
+            i += 1
+        if i == self.text.length or <unsigned char>(self.text.token[i] - 48) >= 10:
+            return -1
+        while i < self.text.length and <unsigned char>(self.text.token[i] - 48) < 10:
+            value = min(value * 10 + (self.text.token[i] - 48), FAR)
+            i += 1
+        at[0] = i
+        return value
+
+    cdef bint read_corner_normal(self, Py_ssize_t i, int64_t *number) noexcept nogil:
+        """Read the normal's number behind a corner's second slash, from 1; 0 if it has none."""
+        cdef int64_t value
+        cdef bint minus
+        number[0] = 0
+        i += 1
+        while i < self.text.length and self.text.token[i] != SLASH:
+            i += 1
+        i += 1
+        if i > self.text.length:
+            return True
+        value = self.take_number(&i, &minus)
+        if value < 0 or i < self.text.length:
+            self.fail(NO_INDEX)
+            return False
+        number[0] = self.normals + 1 - value if minus else value
+        if value == 0 or number[0] < 1:
+            self.fail(NO_NORMAL)
+            return False
         return True
 
     cdef void measure_word(self) noexcept nogil:

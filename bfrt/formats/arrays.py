@@ -6,7 +6,9 @@ forwards; what they mean is told by their names and shapes, here:
 =========================  =========================================================
 names                      what they are
 =========================  =========================================================
-``vertices``, ``faces``    (v, 3) and (f, k) whole numbers from 0: a mesh
+``vertices``, ``faces``    (v, 3) and (f, k) whole numbers from 0: a mesh; ``triangles`` of
+                           whole numbers (f, 3) are its faces too
+``normals``                (v, 3) beside vertices, for ``smooth``
 ``triangles``              (n, 3, 3) or (n, 9)
 ``spheres``                (n, 4): x y z and the radius
 `CENTERS`, ``radii``       (n, 3) and (n,): spheres, or points where there are no radii
@@ -32,6 +34,7 @@ from bfrt.errors import SettingError
 from bfrt.formats.colors import full_of
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.naming import (
+    NORMAL_NAMES,
     RADII,
     beside,
     colors_in,
@@ -64,14 +67,17 @@ def write_arrays(file: str, arrays: Arrays, writer: ObjectWriter) -> None:
         If a setting names an array that is missing.
     """
     reading = writer.reading
-    points = reading.positions is not None
-    if not points and (mesh := mesh_in(file, arrays)):
+    mesh = mesh_in(file, arrays, reading.positions)
+    points = reading.positions is not None and not mesh
+    if mesh:
+        reading.uses.known.add("positions")
         write_mesh(ArrayMesh(file, arrays, reading, *mesh), writer)
     elif not points and (triangles := triangles_in(file, arrays)):
         write_triangles(arrays, triangles[0], writer)
     else:
+        found = ArrayPoints(file, arrays, reading)
         reading.refuse_all_but(file, "positions", *POINTS)
-        write_points(ArrayPoints(file, arrays, reading), writer)
+        write_points(found, writer)
 
 
 def write_triangles(arrays: Arrays, key: str, writer: ObjectWriter) -> None:
@@ -134,6 +140,9 @@ class ArrayPoints:
 class ArrayMesh:
     """Reads arrays of vertices and faces: a `bfrt.formats.mesh.Mesh`."""
 
+    what = "vertex"
+    normals = None
+
     def __init__(
         self, file: str, arrays: Arrays, reading: Reading, vertices: str, faces: str
     ) -> None:
@@ -149,21 +158,35 @@ class ArrayMesh:
         counts = (self.vertices, self._faces.shape[0])
         self._column = painting(arrays, reading, file, vertices, *counts)
         self.painted = self._column is not None
+        self._normals = self._find_normals(arrays, vertices) if reading.smooth else None
+        self.has_normals = bool(beside(arrays, NORMAL_NAMES, vertices))
         self._of_vertices = self.painted and self._rows() == self.vertices
         self.row = self.coordinates
         self.columns = 3
+        if self._normals is not None:
+            self.columns += 3
+            self.row = np.promote_types(self.row, floats(self._normals))
         if self._of_vertices and self._column is not None:
             self.columns += self._column.shape[1] if len(self._column.shape) == 2 else 1
-            self.row = np.promote_types(self.coordinates, floats(self._column))
+            self.row = np.promote_types(self.row, floats(self._column))
+
+    def _find_normals(self, arrays: Arrays, vertices: str) -> Array | None:
+        """Find the normals of the vertices; None if there are none."""
+        for key in beside(arrays, NORMAL_NAMES, vertices):
+            found = arrays[key]
+            if found.shape != (self.vertices, 3):
+                raise wrong(found, f"numbers of shape ({self.vertices}, 3)")
+            return found
+        return None
 
     def _rows(self) -> int:
         return 0 if self._column is None else self._column.shape[0]
 
     def vertex_blocks(self) -> Iterator[NDArray[Any]]:
-        beside = self._column if self._of_vertices else None
-        for block, values in together(self._vertices, beside):
-            parts = [block] if values is None else [block, values.reshape(len(block), -1)]
-            yield np.hstack(parts).astype(self.row, copy=False)
+        column = self._column if self._of_vertices else None
+        for block, *more in together(self._vertices, self._normals, column):
+            parts = (part.reshape(len(block), -1) for part in more if part is not None)
+            yield np.hstack([block, *parts]).astype(self.row, copy=False)
 
     def face_blocks(self) -> Iterator[Faces]:
         beside = None if self._of_vertices else self._column

@@ -14,8 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SceneError, SettingError
+from bfrt.errors import SceneError
+from bfrt.formats.column_contents import rows_of_columns
 from bfrt.formats.columns import POSITION, ColumnPoints, combined
+from bfrt.formats.contents import Row
 from bfrt.formats.lines._lines import MOST_COLUMNS
 from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, Place, is_number
 from bfrt.formats.lines.table import LineTable, Names
@@ -23,6 +25,7 @@ from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import write_points
 from bfrt.formats.reading import POINTS, Reading
 from bfrt.formats.source import Report, Source, quoted
+from bfrt.formats.table import frame_of
 
 #: What each part of a frame begins with, and the part that a frame begins with.
 ITEM = b"ITEM:"
@@ -75,11 +78,7 @@ def find_frame(source: Source, wanted: int) -> Place:
         raise SceneError(
             f"{source.name}: found no line {FRAME.decode()}, expected a dump of LAMMPS"
         )
-    if wanted >= 0 or -wanted > count:
-        raise SettingError(
-            f"{source.name}: found {count} frames, expected frame={wanted} to be one of 0 to "
-            f"{count - 1}, or of -1 to {-count}"
-        )
+    frame_of(wanted, count, source.name)
     return last[0]
 
 
@@ -256,3 +255,11 @@ def read_lammps(path: str, sink: SceneSink, reading: Reading, report: Report | N
         atoms = Atoms(source, read_frame(source, place))
         write_points(ColumnPoints(atoms, reading), writer)
         writer.report()
+
+
+def contents_of_lammps(path: str) -> list[Row]:
+    """List the columns of a dump's first frame; else as `read_lammps`."""
+    with Source(path) as source:
+        frame = read_frame(source, find_frame(source, 0))
+        columns = rows_of_columns(Atoms(source, frame).names, frame.head.rows, "text")
+        return [Row("frames", (), "", "of which follows the first: --frame N"), *columns]

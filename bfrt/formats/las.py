@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import full_of
+from bfrt.formats.contents import COLOR, OWN_COLORS, RADIUS, Row
+from bfrt.formats.contents import POINTS as POSITIONS
 from bfrt.formats.laz import LasSource, asking, backend_for
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import POINTS_AT_ONCE, PointBlock, write_points
-from bfrt.formats.reading import POINTS, Reading
+from bfrt.formats.reading import COLORS, POINTS, Reading
 from bfrt.formats.source import Report, Source, printable
 
 #: Bytes of a point that has much; of points that have more fewer are read at once.
@@ -32,7 +34,7 @@ class Scan:
         self._radius = () if column is None else (column,)
         self.painted = bool(self._asked)
         self._full = 1.0
-        with self._opened() as file:
+        with self.opened() as file:
             dimensions = file.header.point_format.dimensions
         there = {*"xyz", *(each.name for each in dimensions if each.num_elements == 1)}
         for name in (*self._radius, *self._asked):
@@ -44,7 +46,8 @@ class Scan:
         if len(self._asked) == 3:  # the standard wants 16 bits, which not all writers know
             self._full = full_of(self.name, np.dtype("u2"), self.numbers())
 
-    def _opened(self) -> Any:
+    def opened(self) -> Any:
+        """Open the scan: laspy's reader."""
         with asking(self._source, "a LAS or LAZ file"):
             self._source.seek(0)
             file = self._laspy.open(self._source, closefd=False, read_evlrs=False)
@@ -56,7 +59,7 @@ class Scan:
     def _chunks(self) -> Iterator[Any]:
         """Yield all points in chunks, as many as the header says."""
         done = 0
-        with self._opened() as file:
+        with self.opened() as file:
             promised = file.header.point_count
             size = max(file.header.point_format.size, POINT_BYTES)
             chunks = file.chunk_iterator(max(POINTS_AT_ONCE * POINT_BYTES // size, 1))
@@ -106,14 +109,44 @@ def read_las(path: str, sink: SceneSink, reading: Reading, report: Report | None
         If the system refuses to read it.
     """
     reading.refuse_all_but(path, *POINTS)
-    try:
-        import laspy
-        import lazrs  # noqa: F401
-    except ImportError:
-        raise SettingError(f"{path}: LAS needs laspy and lazrs: install bfrt[las]") from None
+    laspy = library_for(path)
     with LasSource(path) as source:
         writer = ObjectWriter(sink, path, reading)
         write_points(Scan(source, laspy, reading), writer)
         writer.report()
         if report is not None:
             report(source.size)
+
+
+def library_for(path: str) -> Any:
+    """Return laspy.
+
+    Raises
+    ------
+    SettingError
+        If it is missing.
+    """
+    try:
+        import laspy
+        import lazrs  # noqa: F401
+    except ImportError:
+        raise SettingError(f"{path}: LAS needs laspy and lazrs: install bfrt[las]") from None
+    return laspy
+
+
+def contents_of_las(path: str) -> list[Row]:
+    """List the dimensions of a LAS or LAZ file by its header; else as `read_las`."""
+    laspy = library_for(path)
+    with LasSource(path) as source, Scan(source, laspy, Reading()).opened() as file:
+        count, form = file.header.point_count, file.header.point_format
+        own = {*COLORS} & {*form.dimension_names}
+        rows = [Row("x y z", (count,), "float64", POSITIONS)]
+        for each in form.dimensions:
+            shape = (count,) if each.num_elements == 1 else (count, each.num_elements)
+            kind = "" if each.dtype is None else str(each.dtype.base)
+            name = printable(each.name)
+            use = f"{COLOR.format(name)}, {RADIUS.format(name)}" if len(shape) == 1 else ""
+            if each.name in COLORS and len(own) == len(COLORS):
+                use = OWN_COLORS
+            rows.append(Row(name, shape, kind or f"{each.num_bits} bits", use))
+        return rows

@@ -14,7 +14,9 @@ for each, and read once, forwards.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import logging
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -23,10 +25,15 @@ from numpy.typing import NDArray
 
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats.object_writer import ObjectWriter, cast
-from bfrt.formats.reading import PAINTED
+from bfrt.formats.reading import PAINTED, Reading
 from bfrt.formats.room import check_corners
 from bfrt.memory import format_memory
 from bfrt.streams.spool import Spool
+
+log = logging.getLogger(__name__)
+
+#: Columns of a vertex that are its normal, where normals are asked for.
+NORMAL = slice(3, 6)
 
 #: Vertices of a queue that are looked up at once.
 LOOKUPS_AT_ONCE = 1 << 17
@@ -70,6 +77,8 @@ class Mesh(Protocol):
     ----------
     name : str
         Name of the file, for errors.
+    what : str
+        What faces name: vertices or normals, one of them, for errors.
     vertices : int
         Number of vertices.
     row : numpy.dtype
@@ -80,14 +89,24 @@ class Mesh(Protocol):
         Numbers of a vertex: three, and what it is painted by.
     painted : bool
         Whether vertices or faces have numbers or colors to be painted by.
+    has_normals : bool
+        Whether corners may have normals. Where they are asked for, those of vertices are three
+        numbers behind their positions.
+    normals : Mesh or None
+        The same faces, whose corners are normals, in place of that; of all zeros if it has none.
     """
 
     name: str
+    what: str
     vertices: int
     row: np.dtype[Any]
     coordinates: np.dtype[Any]
     columns: int
     painted: bool
+    has_normals: bool
+
+    @property
+    def normals(self) -> Mesh | None: ...
 
     def vertex_blocks(self) -> Iterator[NDArray[Any]]:
         """Yield all vertices, (n, columns) at a time."""
@@ -107,15 +126,37 @@ def write_mesh(mesh: Mesh, writer: ObjectWriter) -> None:
     reading = writer.reading
     unpainted = reading.color_by is not None and not mesh.painted
     painted = ("skip_invalid",) if unpainted else PAINTED
-    reading.refuse_all_but(mesh.name, *painted, "triangulate", "polygons")
+    smooth = ("smooth",) if mesh.has_normals else ()
+    reading.refuse_all_but(mesh.name, *painted, *smooth, "triangulate", "polygons")
+    if mesh.has_normals and not reading.smooth:
+        told = "%s: normals are there and not used: smooth=True (--smooth) shades by them"
+        log.info(told, mesh.name)
     if mesh.painted:
         writer.paint_by(mesh.numbers())
-    for corners, faces in joined(mesh, reading.room, reading.scratch):
+    for corners, normals, faces in with_normals(mesh, reading):
         values = faces.values
         if values is None and mesh.painted:
             values = means(corners[:, 3:], faces.counts)
         positions = cast(corners[:, :3], mesh.coordinates)
-        writer.faces(positions, faces.counts, values, faces.materials)
+        writer.faces(positions, faces.counts, values, faces.materials, normals)
+
+
+def with_normals(
+    mesh: Mesh, reading: Reading
+) -> Iterator[tuple[NDArray[Any], NDArray[Any] | None, Faces]]:
+    """Yield faces with their corners, normals apart, or None where they are not asked for."""
+    room, scratch = reading.room, reading.scratch
+    if not (reading.smooth and mesh.has_normals):
+        for corners, faces in joined(mesh, room, scratch):
+            yield corners, None, faces
+    elif mesh.normals is None:
+        for corners, faces in joined(mesh, room, scratch):
+            yield np.delete(corners, NORMAL, axis=1), corners[:, NORMAL], faces
+    else:
+        both = joined(mesh, room // 2, scratch), joined(mesh.normals, room // 2, scratch)
+        with closing(both[0]), closing(both[1]):
+            for (corners, faces), (normals, _) in zip(*both, strict=True):
+                yield corners, normals, faces
 
 
 def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:
@@ -126,7 +167,7 @@ def means(values: NDArray[Any], counts: NDArray[np.uint32]) -> NDArray[Any]:
     return mean[:, 0] if mean.shape[1] == 1 else mean
 
 
-def joined(mesh: Mesh, room: int, scratch: Path) -> Iterator[tuple[NDArray[Any], Faces]]:
+def joined(mesh: Mesh, room: int, scratch: Path) -> Generator[tuple[NDArray[Any], Faces]]:
     """Yield the faces of a mesh with the vertices of their corners, (m, columns).
 
     Parameters
@@ -160,7 +201,7 @@ def joined(mesh: Mesh, room: int, scratch: Path) -> Iterator[tuple[NDArray[Any],
     return joined_on_disk(mesh, most, left, scratch)
 
 
-def joined_in_memory(mesh: Mesh, left: int) -> Iterator[tuple[NDArray[Any], Faces]]:
+def joined_in_memory(mesh: Mesh, left: int) -> Generator[tuple[NDArray[Any], Faces]]:
     """Join with all vertices in memory: two passes, each over a part of the file."""
     (vertices,) = windows(mesh, max(mesh.vertices, 1))
     for faces in checked(mesh, left):
@@ -169,7 +210,7 @@ def joined_in_memory(mesh: Mesh, left: int) -> Iterator[tuple[NDArray[Any], Face
 
 def joined_on_disk(
     mesh: Mesh, most: int, left: int, scratch: Path
-) -> Iterator[tuple[NDArray[Any], Faces]]:
+) -> Generator[tuple[NDArray[Any], Faces]]:
     """Join with `most` vertices in memory at a time."""
     row = np.dtype([("row", mesh.row, (mesh.columns,))])
     places: list[Spool] = []
@@ -222,7 +263,7 @@ def checked(mesh: Mesh, left: int) -> Iterator[Faces]:
             bad = int(np.argmax((indices < 0) | (indices >= mesh.vertices)))
             face = before + int(np.searchsorted(np.cumsum(faces.counts), bad, "right"))
             raise SceneError(
-                f"{mesh.name}: face {face}: found vertex {indices[bad]}, "
+                f"{mesh.name}: face {face}: found {mesh.what} {indices[bad]}, "
                 + (f"expected 0 to {mesh.vertices - 1}" if mesh.vertices else "expected none")
             )
         before += len(faces.counts)

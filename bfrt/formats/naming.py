@@ -21,6 +21,10 @@ CENTERS = (
 )  # fmt: skip
 RADII = ("radii", "radius")
 COLORS = ("colors", "rgb", "color")
+NORMAL_NAMES = ("normals", "vertex_normals")
+
+#: Names that the faces of a mesh go by, beside vertices.
+FACES = ("faces", "triangles")
 
 #: Names of three columns that are positions, or colors.
 AXES = (("x", "y", "z"),)
@@ -113,17 +117,33 @@ def folders_of_three(arrays: Arrays) -> list[str]:
     return [folder for folder in dict.fromkeys(folders) if three(arrays, folder, AXES)]
 
 
-def mesh_in(file: str, arrays: Arrays) -> list[str]:
+def mesh_in(file: str, arrays: Arrays, home: str | None = None) -> list[str]:
     """Find the keys of vertices and of faces in one folder; an empty list if there are none.
+
+    Parameters
+    ----------
+    file : str
+    arrays : Mapping
+    home : str, optional
+        The folder that is asked for.
 
     Raises
     ------
     SceneError
         If several folders have them, but not the outermost.
     """
-    vertices, faces = called(arrays, ("vertices",)), called(arrays, ("faces",))
+    vertices, faces = called(arrays, ("vertices",)), faces_called(arrays)
     pairs = ([v, f] for v in vertices for f in faces if folder_of(v) == folder_of(f))
-    return the_one(file, arrays, {folder_of(pair[0]): pair for pair in pairs})
+    found = {folder_of(pair[0]): pair for pair in pairs}
+    return the_one(file, arrays, found) if home is None else found.get(home.strip("/"), [])
+
+
+def faces_called(arrays: Arrays) -> list[str]:
+    """List the keys of arrays of faces: by their name, or whole numbers that are triangles."""
+    faces, triangles = (called(arrays, (name,)) for name in FACES)
+    homes_of_faces = {folder_of(key) for key in faces}
+    own = [key for key in triangles if folder_of(key) not in homes_of_faces]
+    return faces + [key for key in own if arrays[key].dtype.kind in "iu"]
 
 
 def triangles_in(file: str, arrays: Arrays) -> list[str]:
@@ -144,7 +164,7 @@ def the_one(file: str, arrays: Arrays, found: dict[str, list[str]]) -> list[str]
         keys = [key for keys in found.values() for key in keys]
         raise SceneError(
             f"{file}: found {listed(arrays, keys)}, expected one mesh, or positions= with the "
-            "name of points"
+            "name of points or of one's group"
         )
     return found.get("") or next(iter(found.values()), [])
 
@@ -175,15 +195,28 @@ def positions_in(file: str, arrays: Arrays) -> list[str]:
 
 
 def positions_named(file: str, arrays: Arrays, name: str) -> list[str]:
-    """Find the keys of the positions that a setting names: one array, or three in a folder.
+    """Find the keys of the positions that a setting names: an array, three, or those in a folder.
 
     Raises
     ------
     SettingError
         If there are none.
     """
-    columns = three(arrays, name.strip("/"), AXES)
+    folder = name.strip("/")
+    columns = three(arrays, folder, AXES)
+    if not columns and not any(key in arrays for key in keys_of(name, "")):
+        columns = positions_within(arrays, folder)
     return columns or [named(arrays, name, file, "positions")]
+
+
+def positions_within(arrays: Arrays, folder: str) -> list[str]:
+    """Find the keys of the only positions in folders whose paths end so; else an empty list."""
+    end = f"/{folder}"
+    found = [[key] for key in called(arrays, CENTERS) if f"/{home_of(key)}".endswith(end)]
+    for inner in folders_of_three(arrays):
+        if f"/{folder_of(inner)}".endswith(end) and name_of(inner) in CENTERS:
+            found.append(three(arrays, inner, AXES))
+    return found[0] if len(found) == 1 else []
 
 
 def colors_in(file: str, arrays: Arrays, near: str) -> Rows:

@@ -45,6 +45,7 @@ from bfrt.formats._nff import (
     Fault,
     Parser,
 )
+from bfrt.formats.contents import Row, statements_of
 from bfrt.formats.encoding import Decoder
 from bfrt.formats.gzipped import is_packed
 from bfrt.formats.object_writer import SceneSink
@@ -62,6 +63,12 @@ _RGB = ("red", "green", "blue")
 _VIEW = ("from", "at", "up", "angle", "hither", "resolution")
 _KEYWORDS = "a keyword: v, b, l, f, c, s, p or pp"
 _SHOWN_BYTES = 24
+
+#: Entities that count, and what they become.
+USES = {
+    "v": "the camera", "b": "the background", "l": "lights", "f": "materials", "s": "spheres",
+    "c": "cones", "p": "triangles and polygons", "pp": "patches",
+}  # fmt: skip
 
 #: Fills whose palette index is remembered here: a scene has few, and repeats them by the million.
 _PAINTED = 256
@@ -345,3 +352,8 @@ def _qualification(parser: Parser) -> str:
         )
         return f", an integer from {low} to {high}"
     return ""
+
+
+def contents_of_nff(path: str) -> list[Row]:
+    """Count the entities that begin an NFF file; else as `statements_of`."""
+    return statements_of(path, USES)

@@ -19,18 +19,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError, SceneError, ShortReadError
+from bfrt.formats.array_contents import rows_of_arrays
 from bfrt.formats.arrays import write_arrays
+from bfrt.formats.contents import POINTS, Row
+from bfrt.formats.layouts.layout import arranged
 from bfrt.formats.naming import CENTERS, within
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import Report, Source, printable, said
-from bfrt.formats.table import Array, Lazy, level, openers_of
+from bfrt.formats.table import Array, Lazy, frame_of, level, openers_of
 
 #: Bytes of a header: NumPy takes no more either.
 HEADER_BYTES = 10_000
 
 #: Columns of an array in Fortran order, each of which is read by a file of its own.
 MOST_COLUMNS = 16
+
+#: What the rows of an array without a name become, by their shape.
+USES = {(3,): POINTS, (4,): "spheres", (3, 3): "triangles", (9,): "triangles"}
 
 
 class Readable(Protocol):
@@ -68,6 +74,8 @@ class NpyArray:
     def __init__(self, name: str, open_it: Callable[[], Readable]) -> None:
         self.name = name
         self._open = open_it
+        self._skipped = 0  # bytes before the first row
+        self._is_last = True  # so that the file ends behind its rows
         with contextlib.closing(open_it()) as file:
             self.shape, self.dtype, self._columns = self._header(file)
 
@@ -107,25 +115,40 @@ class NpyArray:
             for column, file in enumerate(files):
                 self._header(file)
                 with self._read("an array's bytes"):
-                    file.seek(column * left * self.dtype.itemsize, os.SEEK_CUR)
+                    before = self._skipped + column * left * self.dtype.itemsize
+                    file.seek(before, os.SEEK_CUR)
             while left:
                 n = min(rows, left)
                 parts = [self._exactly(file, n * row // len(files)) for file in files]
                 yield self._joined([part.view(self.dtype) for part in parts], n)
                 left -= n
-            if row:
+            if row and self._is_last:
                 self._end(files[-1])
 
     def shallow(self) -> NpyArray:
         """Return the rows of a map one after another: (h, w, 3) as (h w, 3)."""
+        self._check_order()
+        flat = copy.copy(self)
+        flat.shape = (self.shape[0] * self.shape[1], *self.shape[2:])
+        return flat
+
+    def frame(self, number: int) -> NpyArray:
+        """Return a frame of (frames, n, 3), as (n, 3)."""
+        self._check_order()
+        one = copy.copy(self)
+        place = frame_of(number, self.shape[0], self.name)
+        one._is_last = place + 1 == self.shape[0]
+        one._skipped = place * math.prod(self.shape[1:]) * self.dtype.itemsize
+        one.shape = self.shape[1:]
+        return one
+
+    def _check_order(self) -> None:
+        """Refuse columns, of which there is a file each, where dimensions are taken apart."""
         if self._columns > 1:
             raise SceneError(
                 f"{self.name}: found shape {self.shape} in Fortran order, expected C order for "
                 "more than two dimensions"
             )
-        flat = copy.copy(self)
-        flat.shape = (self.shape[0] * self.shape[1], *self.shape[2:])
-        return flat
 
     def _joined(self, parts: list[NDArray[Any]], n: int) -> NDArray[Any]:
         shape = (n, *self.shape[1:])
@@ -180,8 +203,18 @@ def read_npy(path: str, sink: SceneSink, reading: Reading, report: Report | None
     array = NpyArray(path, partial(Source, path, report))
     writer = ObjectWriter(sink, path, reading)
     records = array.dtype.names is not None
-    write_arrays(path, Lazy(fields_of(array)) if records else by_shape(array), writer)
+    arrays = Lazy(fields_of(array)) if records else by_shape(array)
+    write_arrays(path, arranged(path, arrays, reading), writer)
     writer.report()
+
+
+def contents_of_npy(path: str) -> list[Row]:
+    """List the array of an .npy file, or the fields of its records; else as `read_npy`."""
+    array = NpyArray(path, partial(Source, path))
+    if array.dtype.names is not None:
+        return rows_of_arrays(path, Lazy(fields_of(array)))
+    use = USES.get(array.shape[1:], "a map of points" if array.shape[2:] == (3,) else "")
+    return [Row("", array.shape, str(array.dtype), use)]
 
 
 def by_shape(array: NpyArray) -> dict[str, Any]:
@@ -214,24 +247,39 @@ def read_npz(path: str, sink: SceneSink, reading: Reading, report: Report | None
     StreamError
         If the system refuses to read it.
     """
-    with Source(path) as source:
-        try:
-            archive = zipfile.ZipFile(source)
-        except Exception as error:  # of many kinds where its directory is broken
-            raise source.failure(error, "a zip of arrays") from error
-        with archive:
-            openers: dict[str, Callable[[], Array]] = {}
-            for member in archive.namelist():
-                stem = member.removesuffix(".npy")
-                if stem != member:
-                    name = f"{path}: {printable(stem)}"
-                    opened = partial(NpyArray, name, Member(source, archive, member))
-                    openers.update(member_of(stem, opened))
-            writer = ObjectWriter(sink, path, reading)
-            write_arrays(path, Lazy(openers), writer)
-            writer.report()
+    with Source(path) as source, opened_zip(source) as archive:
+        arrays = members_of(source, archive)
+        writer = ObjectWriter(sink, path, reading)
+        write_arrays(path, arranged(path, arrays, reading), writer)
+        writer.report()
         if report is not None:
             report(source.size)
+
+
+def contents_of_npz(path: str) -> list[Row]:
+    """List the arrays and fields of an .npz file; else as `read_npz`."""
+    with Source(path) as source, opened_zip(source) as archive:
+        return rows_of_arrays(path, members_of(source, archive))
+
+
+def opened_zip(source: Source) -> zipfile.ZipFile:
+    """Open a zip, and have what is wrong with its directory be an error of ours."""
+    try:
+        return zipfile.ZipFile(source)
+    except Exception as error:  # of many kinds where its directory is broken
+        raise source.failure(error, "a zip of arrays") from error
+
+
+def members_of(source: Source, archive: zipfile.ZipFile) -> Lazy:
+    """Return the arrays of a zip, by the names of its members."""
+    openers: dict[str, Callable[[], Array]] = {}
+    for member in archive.namelist():
+        stem = member.removesuffix(".npy")
+        if stem != member:
+            name = f"{source.name}: {printable(stem)}"
+            opened = partial(NpyArray, name, Member(source, archive, member))
+            openers.update(member_of(stem, opened))
+    return Lazy(openers)
 
 
 def member_of(name: str, opened: Callable[[], NpyArray]) -> dict[str, Callable[[], Array]]:

@@ -1,8 +1,8 @@
 """OBJ: vertices, faces of any number of corners, and the colors of their materials.
 
 Vertices are read first, in one pass over the text, then faces in another; numbers are float64, for
-the text has no types. Texture coordinates, normals, lines and curves are passed over. A file of
-vertices alone has points.
+the text has no types. Normals, where they are asked for, are read alike, in passes of their own.
+Texture coordinates, lines and curves are passed over. A file of vertices alone has points.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError, StreamError
 from bfrt.formats._obj import Fault, Lines, Statement
+from bfrt.formats.contents import FACES, NORMALS, VERTICES, Row, statements_of
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.mtl import read_mtl
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
@@ -40,7 +41,11 @@ WORDS = {
     Fault.MANY_CORNERS: f"found more than {MOST_CORNERS} corners, expected fewer",
     Fault.BINARY: "found {} and a NUL byte in the line, expected text",
     Fault.FAR_VERTEX: "found vertex {}, expected one of the file's",
+    Fault.NO_NORMAL: "found {}, expected a normal's number from 1, or from -1 back to the first",
 }
+
+#: Statements that count, and what they become.
+USES = {"v": VERTICES, "vn": NORMALS, "f": FACES, "usemtl": "materials"}
 
 #: Blanks that part names of libraries; one that belongs to a name has a backslash before it.
 PARTING = re.compile(r"(?<!\\)\s+")
@@ -55,6 +60,8 @@ class ObjVertices:
     columns : int
         Numbers of each: three, and three of its color where that is wanted.
     has_faces : bool
+    normals : int
+        How many there are.
     """
 
     def __init__(self, source: Source, reading: Reading) -> None:
@@ -67,6 +74,7 @@ class ObjVertices:
         for block in self._parsed(lines):
             self._keep(block)
         self.count, self.has_faces = lines.vertices, lines.faces > 0
+        self.normals = lines.normals
         self._check(lines)
 
     def _keep(self, block: NDArray[Any]) -> None:
@@ -137,10 +145,49 @@ class ObjPoints:
         return iter(())  # colors are all there is, and need no range
 
 
+class ObjNormals:
+    """Reads the normals of an OBJ file's corners: a `bfrt.formats.mesh.Mesh`.
+
+    The first is of all zeros, and that of corners without a normal.
+    """
+
+    row = coordinates = np.dtype("f8")
+    what = "normal"
+    columns = 3
+    painted = has_normals = False
+    normals = None
+
+    def __init__(self, source: Source, count: int, fewest: int) -> None:
+        """Read from a source of its own, for vertices are read in between."""
+        self.name = source.name
+        self.vertices = 1 + count
+        self._source = source
+        self._fewest = fewest
+
+    def vertex_blocks(self) -> Iterator[NDArray[Any]]:
+        yield np.zeros((1, 3))
+        lines = Lines(of_faces=False, of_normals=True)
+        for chunk in self._source.text(lines=True):
+            normals = lines.parse(chunk)[0]
+            refuse_fault(lines, self.name)
+            yield normals[:, :3].copy()
+
+    def face_blocks(self) -> Iterator[Faces]:
+        lines = Lines(of_faces=True, fewest=self._fewest, of_normals=True)
+        for chunk in self._source.text(lines=True):
+            _, numbers, counts, _ = lines.parse(chunk)
+            refuse_fault(lines, self.name)
+            yield Faces(numbers, counts)
+
+    def numbers(self) -> Iterator[NDArray[Any]]:
+        return iter(())
+
+
 class ObjMesh:
     """Reads an OBJ file as a mesh: a `bfrt.formats.mesh.Mesh`."""
 
     row = coordinates = np.dtype("f8")
+    what = "vertex"
 
     def __init__(
         self, vertices: ObjVertices, source: Source, sink: SceneSink, reading: Reading
@@ -150,9 +197,11 @@ class ObjMesh:
         self.columns = vertices.columns
         self.painted = vertices.columns > 3
         self.vertex_blocks = vertices.blocks
+        self.has_normals = vertices.normals > 0
         self._source = source
         self._sink = sink
-        self._fewest = 0 if reading.skip_invalid else 3  # the writer drops those of fewer
+        self._fewest = fewest_of(reading)
+        self.normals: ObjNormals | None = None
         self._materials: dict[bytes, int] = {}
         self._unknown: set[bytes] = set()
         self._missing: set[str] = set()
@@ -208,6 +257,11 @@ class ObjMesh:
         return iter(())  # colors are all there is, and need no range
 
 
+def fewest_of(reading: Reading) -> int:
+    """Return the corners that a face has at the least; the writer drops those of fewer."""
+    return 0 if reading.skip_invalid else 3
+
+
 def unescaped(name: str) -> str:
     """Return a name without the backslashes before its blanks."""
     return name.replace("\\ ", " ")
@@ -257,5 +311,13 @@ def read_obj(path: str, sink: SceneSink, reading: Reading, report: Report | None
                 )
             write_points(ObjPoints(vertices), writer)
         else:
-            write_mesh(ObjMesh(vertices, source, sink, reading), writer)
+            mesh = ObjMesh(vertices, source, sink, reading)
+            with Source(path) as again:
+                mesh.normals = ObjNormals(again, vertices.normals, fewest_of(reading))
+                write_mesh(mesh, writer)
         writer.report()
+
+
+def contents_of_obj(path: str) -> list[Row]:
+    """Count the statements that begin an OBJ file; else as `statements_of`."""
+    return statements_of(path, USES)

@@ -153,9 +153,25 @@ class ObjectWriter:
         counts: NDArray[np.uint32],
         values: NDArray[Any] | None = None,
         own: NDArray[np.uint32] | None = None,
+        normals: NDArray[Any] | None = None,
     ) -> None:
-        """Add faces, as triangles or as polygons: the corners of all (m, 3), how many each has
-        (n,), and the materials (n,) of those that are not painted."""
+        """Add faces, as triangles, as polygons or, where all corners have normals, as patches.
+
+        Parameters
+        ----------
+        corners : (m, 3) ndarray
+            The corners of all.
+        counts : (n,) uint32
+            How many each has.
+        values : (n,) or (n, 3) ndarray, optional
+            What paints each.
+        own : (n,) uint32, optional
+            The materials of those that are not painted.
+        normals : (m, 3) ndarray, optional
+            The normal at each corner, zeros where there is none.
+        """
+        if normals is not None:
+            corners = np.hstack([corners, cast(normals, corners.dtype)])
         materials = self._painted(values, len(counts), own)
         first = self._objects + self.dropped
         numbers = np.arange(first, first + len(counts))
@@ -167,11 +183,35 @@ class ObjectWriter:
         self._objects += len(counts)
         if not len(counts):
             return
+        if normals is not None:
+            smooth = all_of_each(has_length(corners[:, 3:]), counts)
+            self._patches(*faces_of(corners, counts, smooth), materials[smooth], numbers[smooth])
+            corners, counts = faces_of(corners[:, :3], counts, ~smooth)
+            materials, numbers = materials[~smooth], numbers[~smooth]
+            if not len(counts):
+                return
         corners = np.ascontiguousarray(corners)
         if counts.max() == 3:
             self.sink.append(Kind.TRIANGLE, corners.reshape(-1, 9), materials)
         else:
             self._cut(corners, counts, materials, numbers)
+
+    def _patches(
+        self,
+        corners: NDArray[Any],
+        counts: NDArray[np.uint32],
+        materials: NDArray[np.uint32],
+        numbers: NDArray[np.int64],
+    ) -> None:
+        """Add faces as patches: corners (m, 6), each a position and a normal."""
+        if not len(counts):
+            return
+        if counts.max() > 3:
+            places = np.ascontiguousarray(corners[:, :3])
+            cut = self._triangulation.cut(places, counts, numbers)
+            corners, materials = corners[cut.reshape(-1)], np.repeat(materials, counts - 2)
+        by_corner = corners.reshape(-1, 3, 2, 3).swapaxes(1, 2)
+        self.sink.append(Kind.PATCH, by_corner.reshape(-1, 18), materials)
 
     def _cut(
         self,
@@ -262,6 +302,12 @@ def finite(numbers: NDArray[Any]) -> NDArray[np.bool_]:
     """Tell which rows are finite, as float32 too; a NaN fails every comparison."""
     good: NDArray[np.bool_] = np.all(np.abs(numbers) <= LARGEST, axis=1)
     return good
+
+
+def has_length(normals: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which normals (n, 3) are not of all zeros."""
+    some: NDArray[np.bool_] = np.any(normals != 0, axis=1)
+    return some
 
 
 def all_of_each(good: NDArray[np.bool_], counts: NDArray[Any]) -> NDArray[np.bool_]:

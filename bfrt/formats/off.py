@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import full_of
+from bfrt.formats.contents import FACES, OWN_COLORS, VERTICES, Row
+from bfrt.formats.contents import POINTS as POSITIONS
 from bfrt.formats.lines._lines import Ragged
 from bfrt.formats.lines.head import Place
 from bfrt.formats.mesh import Faces, write_mesh
@@ -203,6 +205,9 @@ class OffMesh:
     """Presents an OFF file as a `bfrt.formats.mesh.Mesh`, or without faces as points."""
 
     row = coordinates = np.dtype("f8")
+    what = "vertex"
+    has_normals = False  # those of NOFF are passed over
+    normals = None
 
     def __init__(self, off: Off, reading: Reading) -> None:
         self.name = off.name
@@ -290,3 +295,13 @@ def read_off(path: str, sink: SceneSink, reading: Reading, report: Report | None
             mesh.painted = mesh._of_vertices
             write_points(mesh, writer)
         writer.report()
+
+
+def contents_of_off(path: str) -> list[Row]:
+    """Tell how many vertices and faces an OFF file counts; else as `read_off`."""
+    with Source(path) as source:
+        header = read_header(source)
+    use = VERTICES if header.faces else POSITIONS
+    colored = "" if header.color_at is None else f", {OWN_COLORS}"
+    rows = [Row("vertices", (header.vertices,), "text", use + colored)]
+    return rows + ([Row("faces", (header.faces,), "text", FACES)] if header.faces else [])

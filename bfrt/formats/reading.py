@@ -91,6 +91,8 @@ class Reading:
     triangulate, polygons : bool
         Store all faces of four and more corners as triangles, or as polygons; by default those that
         are flat are polygons.
+    smooth : bool
+        Make patches of faces whose corners have normals.
     external_storage : bool
         Follow the external storage of HDF5 datasets, whose rows may be in any file.
     band : int, optional
@@ -127,6 +129,7 @@ class Reading:
     skip_invalid: bool = False
     triangulate: bool = False
     polygons: bool = False
+    smooth: bool = False
     external_storage: bool = False
     band: int | None = None
     height_scale: float | None = None
@@ -143,8 +146,9 @@ class Reading:
             check_radius(radius)
         check_frame(self.frame)
         check_opacity(self.opacity)
-        if self.triangulate and self.polygons:
-            raise SettingError("triangulate, polygons: found both, expected one of them or none")
+        for other in ("triangulate", "smooth"):
+            if getattr(self, other) and self.polygons:
+                raise SettingError(f"{other}, polygons: found both, expected one of them or none")
         check_band(self.band)
         check_number("height_scale", self.height_scale)
         check_number("curvature", self.curvature)

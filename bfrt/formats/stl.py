@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
 from bfrt.formats._stl import Facets
+from bfrt.formats.contents import Row
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.reading import Reading
 from bfrt.formats.source import PADDING, Report, Source, quoted
@@ -54,11 +55,26 @@ def read_stl(path: str, sink: SceneSink, reading: Reading, report: Report | None
         writer.report()
 
 
-def facets_of(source: Source) -> Iterator[NDArray[Any]]:
-    """Yield the vertices of all facets, (n, 9) at a time."""
+def contents_of_stl(path: str) -> list[Row]:
+    """Tell how many facets an STL file's count says, or that it is text; else as `read_stl`."""
+    with Source(path) as source:
+        count, behind = count_of(source)
+        if behind and is_text(source.head(LOOK)):
+            return [Row("facet", (), "text", "triangles")]
+        check_count(source, count, behind)
+        return [Row("facet", (count,), "float32", "triangles")]
+
+
+def count_of(source: Source) -> tuple[int, int]:
+    """Return the count of a file of bytes, and how many are behind so many facets."""
     source.seek(HEADER)
     count = int.from_bytes(source.read(COUNT_END - HEADER), "little")
-    behind = source.size - COUNT_END - count * FACET.itemsize
+    return count, source.size - COUNT_END - count * FACET.itemsize
+
+
+def facets_of(source: Source) -> Iterator[NDArray[Any]]:
+    """Yield the vertices of all facets, (n, 9) at a time."""
+    count, behind = count_of(source)
     if behind and is_text(source.head(LOOK)):
         yield from text_facets(source)
         return

@@ -5,6 +5,7 @@
     records (n,) of x y z m        Column "x", "m"            a column of each
     x (n,), y (n,), z (n,)         Abreast                    (n, 3)
     (h, w, 3), (frames, n, 3)      Array.shallow              (h w, 3), (n, 3)
+    (frames, n, 3)                 Array.frame                (n, 3)
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import BfrtError, SceneError
+from bfrt.errors import BfrtError, SceneError, SettingError
 from bfrt.formats.source import printable
 
 #: Arrays that an error lists, and characters that it shows of a name and of a type.
@@ -45,6 +46,10 @@ class Array(Rows, Protocol):
 
     def shallow(self) -> Array:
         """Return the array with one dimension less; each format decides what that means."""
+        ...
+
+    def frame(self, number: int) -> Array:
+        """Return a frame of (frames, n, ...), from 0, or from -1 back, as (n, ...)."""
         ...
 
 
@@ -104,6 +109,10 @@ class Column:
     def shallow(self) -> Array:
         """Return the column of the array with one dimension less."""
         return Column(self.array.shallow(), *self.paths)
+
+    def frame(self, number: int) -> Array:
+        """Return the column of one frame."""
+        return Column(self.array.frame(number), *self.paths)
 
 
 def type_at(dtype: np.dtype[Any], path: Path) -> np.dtype[Any]:
@@ -166,6 +175,26 @@ class Abreast:
         """Yield all rows, `rows` at a time."""
         for parts in zip(*(column.blocks(rows) for column in self._columns), strict=True):
             yield np.stack(parts, axis=-1)
+
+
+def frame_of(number: int, frames: int, name: str) -> int:
+    """Return the place, from 0, of a frame that may be counted from the end.
+
+    Raises
+    ------
+    SceneError
+        If there are no frames.
+    SettingError
+        If there are fewer.
+    """
+    if not frames:
+        raise SceneError(f"{name}: found no frames, expected one or more")
+    if not -frames <= number < frames:
+        raise SettingError(
+            f"{name}: found frame={number}, expected one of {frames}, 0 to {frames - 1} or "
+            f"{-frames} to -1"
+        )
+    return number % frames
 
 
 def abreast(columns: list[Array]) -> Rows:

@@ -69,7 +69,14 @@ class Triangulation:
     def triangles(
         self, corners: NDArray[Any], counts: NDArray[np.uint32], numbers: NDArray[np.int64]
     ) -> NDArray[Any]:
-        """Cut faces into triangles (t, 9), the k - 2 of a face together.
+        """Cut faces into triangles (t, 9); else as `cut`."""
+        triangles = self.cut(corners, counts, numbers)
+        return corners.take(triangles.reshape(-1), axis=0).reshape(-1, 9)
+
+    def cut(
+        self, corners: NDArray[Any], counts: NDArray[np.uint32], numbers: NDArray[np.int64]
+    ) -> Triangles:
+        """Cut faces into triangles of corner indices (t, 3), the k - 2 of a face together.
 
         Parameters
         ----------
@@ -102,7 +109,7 @@ class Triangulation:
         if len(crossing) and not self._crossing:
             self._first_crossing = int(numbers[crossing[0]])
         self._crossing += len(crossing)
-        return corners.take(triangles.reshape(-1), axis=0).reshape(-1, 9)
+        return triangles
 
     def _check_corners(self, count: int, number: int) -> None:
         if count > MOST_EAR_CORNERS:

@@ -2,7 +2,9 @@
 
 ::
 
-    StoreWriter     a caller's arrays (given), view and lights      ─► header ─► AtomicFolder
+    StoreWriter     view and lights                                 ─► header ─► AtomicFolder
+        │
+    ShapeWriter     a caller's arrays (given), a method a shape
         │ records, in world coordinates
     RecordWriter    Coordinates: dtype, origin; PaletteWriter: materials and their indices
         │ prepare (columns): blocks of one kind with their boxes

@@ -99,3 +99,17 @@ def vertices_of(value: ArrayLike, counts: NDArray[Any]) -> NDArray[Any]:
             "expected as many, each count 3 or more"
         )
     return vertices
+
+
+def faces_among(value: ArrayLike, n: int) -> NDArray[np.int64]:
+    """Return the corners (m, 3) of triangles, each the number of one of n vertices."""
+    faces = array_of("faces", value)
+    if faces.ndim != 2 or faces.shape[1] != 3 or (faces.size and faces.dtype.kind not in "iu"):
+        raise SceneError(
+            f"faces: found {faces.dtype} of shape {faces.shape}, expected whole numbers (n, 3)"
+        )
+    if faces.size and not 0 <= int(faces.min()) <= int(faces.max()) < n:
+        bad = int(np.argmax(((faces < 0) | (faces >= n)).any(axis=1)))
+        expected = f"0 to {n - 1}" if n else "none"
+        raise SceneError(f"faces: found {faces[bad].tolist()} in face {bad}, expected {expected}")
+    return faces.astype(np.int64, copy=False)

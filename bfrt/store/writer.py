@@ -1,7 +1,8 @@
 """SceneWriter: blocks of NumPy arrays in, a scene store out.
 
 Everything is written under a temporary name, made durable and renamed at the end, so that what
-opens is whole. Blocks pass through once: geometry as given, boxes and materials beside it.
+opens is whole. Blocks pass through once (bfrt/store/shape_writer.py): geometry as given, boxes and
+materials beside it.
 """
 
 from __future__ import annotations
@@ -12,23 +13,20 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from bfrt.errors import SceneError, SettingError
+from bfrt.errors import SettingError
 from bfrt.memory import default_memory, parse_memory
 from bfrt.paths import HEADER, MAGIC, check_names, check_outside, is_there, path_of, without_links
 from bfrt.progress import DoneReport
-from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
-from bfrt.store.given import array_of, column_of, floats_of, rows_beside, rows_of
 from bfrt.store.header import header_text
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Making, Order, checked_order
 from bfrt.store.model import Vector
-from bfrt.store.record_writer import RecordWriter
+from bfrt.store.shape_writer import ShapeWriter
 from bfrt.store.store import MADE, VERSION, Store, has_magic, open_store
 from bfrt.store.view_writer import ViewWriter
 from bfrt.streams.writer import FileWriter
@@ -56,7 +54,7 @@ def check_new_store(path: str | os.PathLike[str]) -> Path:
     return given
 
 
-class StoreWriter(ViewWriter, RecordWriter):
+class StoreWriter(ViewWriter, ShapeWriter):
     """Writes a scene store, block by block.
 
     Parameters
@@ -121,163 +119,7 @@ class StoreWriter(ViewWriter, RecordWriter):
         budget = default_memory() if memory is None else parse_memory(memory)
         making = Making(hierarchy or Hierarchy(), checked_order(order), durable, budget)
         ViewWriter.__init__(self)
-        RecordWriter.__init__(self, AtomicFolder(self.path, durable), coordinates, making)
-
-    def spheres(
-        self,
-        centers: ArrayLike,
-        radii: ArrayLike,
-        materials: ArrayLike | None = None,
-        *,
-        group: int = 0,
-    ) -> None:
-        """Add spheres.
-
-        Parameters
-        ----------
-        centers : (n, 3) array_like
-            World coordinates. Float32 stays float32; all other numbers are taken as float64.
-        radii : float or (n,) array_like
-            World units, converted to the type of `centers`. A negative radius turns the normal
-            inwards; a sphere of radius 0 is kept and never hit.
-        materials : int or (n,) array_like of int, optional
-            Indices that `material` returned. By default a plain `Material`.
-        group : int
-            The group that the objects belong to; each group has a grid of its own. Groups are
-            numbered from 0 without gaps: an old one, or the next.
-
-        Raises
-        ------
-        SceneError
-            If shapes do not fit, a number is not finite, or a material does not exist.
-        SettingError
-            If `group` is beyond the next, or the writer is closed.
-        DiskFullError, StreamError
-            If the system refuses a write.
-        """
-        c, n = rows_of("centers", centers, (3,))
-        records = np.hstack([c, column_of("radii", radii, n, c.dtype)])
-        self.append(Kind.SPHERE, records, materials, group=group)
-
-    def cones(
-        self,
-        bases: ArrayLike,
-        base_radii: ArrayLike,
-        apexes: ArrayLike,
-        apex_radii: ArrayLike,
-        materials: ArrayLike | None = None,
-        *,
-        group: int = 0,
-    ) -> None:
-        """Add cones and cylinders without caps.
-
-        Parameters
-        ----------
-        bases, apexes : (n, 3) array_like
-            The centers of both ends, world coordinates. If both are float32 they stay so; else
-            both are taken as float64.
-        base_radii, apex_radii : float or (n,) array_like
-            The radii at the ends, world units. Equal radii make a cylinder, and 0 a tip. Negative
-            radii turn the normals inwards; the two of a cone have one sign.
-        materials, group
-            As for `spheres`.
-
-        Raises
-        ------
-        SceneError, SettingError, DiskFullError, StreamError
-            As for `spheres`; SceneError for a cone that has radii of both signs, too.
-        """
-        a, n = rows_of("bases", bases, (3,))
-        b = rows_beside("apexes", apexes, (3,), n, "bases")
-        dtype = np.result_type(a, b)
-        ra = column_of("base_radii", base_radii, n, dtype)
-        rb = column_of("apex_radii", apex_radii, n, dtype)
-        if (ra * rb < 0).any():
-            raise SceneError("cones: found radii of both signs in one cone, expected one sign")
-        self.append(Kind.CONE, np.hstack([a, ra, b, rb]), materials, group=group)
-
-    def triangles(
-        self, vertices: ArrayLike, materials: ArrayLike | None = None, *, group: int = 0
-    ) -> None:
-        """Add triangles.
-
-        Parameters
-        ----------
-        vertices : (n, 3, 3) array_like
-            Three corners of each, world coordinates, counterclockwise seen from outside. Float32
-            stays float32; all other numbers are taken as float64.
-        materials, group
-            As for `spheres`.
-
-        Raises
-        ------
-        SceneError, SettingError, DiskFullError, StreamError
-            As for `spheres`.
-        """
-        v, n = rows_of("vertices", vertices, (3, 3))
-        self.append(Kind.TRIANGLE, v.reshape(n, 9), materials, group=group)
-
-    def patches(
-        self,
-        vertices: ArrayLike,
-        normals: ArrayLike,
-        materials: ArrayLike | None = None,
-        *,
-        group: int = 0,
-    ) -> None:
-        """Add patches: triangles with a normal at each corner, for smooth shading.
-
-        Parameters
-        ----------
-        vertices : (n, 3, 3) array_like
-            Three corners of each, world coordinates, counterclockwise seen from outside.
-        normals : (n, 3, 3) array_like
-            The normal at each corner, of any length. Both stay float32 if both are; else both are
-            taken as float64.
-        materials, group
-            As for `spheres`.
-
-        Raises
-        ------
-        SceneError, SettingError, DiskFullError, StreamError
-            As for `spheres`.
-        """
-        v, n = rows_of("vertices", vertices, (3, 3))
-        own = rows_beside("normals", normals, (3, 3), n, "vertices")
-        records = np.hstack([v.reshape(n, 9), own.reshape(n, 9)])
-        self.append(Kind.PATCH, records, materials, group=group)
-
-    def polygons(
-        self,
-        vertices: ArrayLike,
-        counts: ArrayLike,
-        materials: ArrayLike | None = None,
-        *,
-        group: int = 0,
-    ) -> None:
-        """Add polygons, convex or concave.
-
-        A polygon of three vertices is stored as a triangle and numbered among triangles. A polygon
-        is met in the plane that fits its vertices.
-
-        Parameters
-        ----------
-        vertices : (m, 3) array_like
-            The vertices of all polygons, one polygon after another, world coordinates,
-            counterclockwise seen from outside. Float32 stays float32; all other numbers are taken
-            as float64.
-        counts : (n,) array_like of int
-            Number of vertices of each polygon, 3 or more; they add up to m.
-        materials, group
-            As for `spheres`.
-
-        Raises
-        ------
-        SceneError, SettingError, DiskFullError, StreamError
-            As for `spheres`; SceneError for counts that do not fit, too.
-        """
-        given = floats_of("vertices", vertices), array_of("counts", counts)
-        self.append_polygons(*given, materials, group=group)
+        ShapeWriter.__init__(self, AtomicFolder(self.path, durable), coordinates, making)
 
     def place(self, origin: Vector, crs: str) -> None:
         """Take where objects are: a point near them, and their reference system, if they have one.

@@ -46,7 +46,7 @@ def test_frames(tmp_path, suffix, end):
         assert centers(path, frame=wanted).tolist() == [list(row[2:]) for row in rows]
     for wanted in (4, -5, 10**12):
         said = failure(path, SettingError, radius=1, frame=wanted)
-        assert said.startswith(f"found 4 frames, expected frame={wanted} to be one of 0 to 3, or")
+        assert said.startswith(f"found frame={wanted}, expected one of 4, 0 to 3 or -4 to -1")
     with pytest.raises(SettingError, match=r"^frame: found 1.5, expected a whole number"):
         convert(path, radius=1, frame=1.5)
 

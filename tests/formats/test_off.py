@@ -63,7 +63,7 @@ def test_round_trip(tmp_path_factory, made, chunk, room, seed):
     path.write_text(off(vertices, faces))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(source_module, "CHUNK_BYTES", chunk)
-        patch.setattr("bfrt.conversion.convert.rooms_for", lambda needs, _: [room] * len(needs))
+        patch.setattr("bfrt.conversion.writing.rooms_for", lambda needs, _: [room] * len(needs))
         found = shapes_of(convert(path, order="given", radius=None if faces else 1))
     assert found == (expected(vertices, faces) if faces else spheres(vertices, 1))
 

@@ -14,7 +14,16 @@ from meshes import convert, failure
 
 import bfrt
 from bfrt.errors import BudgetError
-from bfrt.formats.room import COLORS, FEWEST, FORMATS, GROWTH, MESH, need_of, rooms_for
+from bfrt.formats.room import (
+    COLORS,
+    FEWEST,
+    FORMATS,
+    GROWTH,
+    MESH,
+    SMOOTH,
+    need_of,
+    rooms_for,
+)
 from bfrt.memory import BASELINE, parse_memory
 
 SUFFIXES = ("nff", "stl", "npy", "ply", "obj", "off", "xyz", "pcd", "dump")
@@ -182,3 +191,11 @@ def test_the_least_is_enough(tmp_path, suffix, side):
         ended = run_in(group, command, tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert bfrt.open(made).objects >= side * side
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj", "npz", "h5"])
+def test_patches_take_more(suffix):
+    for name in (f"a.{suffix}", "a.stl", "a.laz"):
+        more = need_of(name, 1 << 40, smooth=True).least - need_of(name, 1 << 40).least
+        assert more == (SMOOTH if name.startswith("a." + suffix) else 0)
+    assert need_of("a.ply", 10, smooth=True) == need_of("a.ply", 10)

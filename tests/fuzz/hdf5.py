@@ -12,12 +12,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import hdf5_files
+import layout_files
 from fuzz.readers import POINTS, convert
 from fuzz.trial import Harness, of_bytes
 
 from bfrt.formats.hdf5 import child
 from bfrt.formats.hdf5.origins import Limits
 from bfrt.formats.remote import process as remote
+
+#: Seconds that an answer may take here, where files are small.
+SECONDS = 5
 
 
 class Forked:
@@ -39,7 +43,7 @@ class Forked:
     def work(asked: list[str]) -> Callable[[], None]:
         """What the process does."""
         path, limits = remote.json.loads(asked[3])
-        return lambda: child.main(path, list(Limits(*limits)))
+        return lambda: child.main(path, list(Limits(*limits)._replace(seconds=SECONDS)))
 
     def kill(self) -> None:
         if self._status is None:
@@ -75,6 +79,9 @@ def hdf5(home: Path) -> Harness:
     seeds.append(path.read_bytes())
     hdf5_files.virtual(home / "virtual.h5")
     seeds.append((home / "virtual.h5").read_bytes())
+
+    for layout in (layout_files.an_openpmd, layout_files.an_h5md, layout_files.an_h5part):
+        seeds.append(layout(home / "layout.h5").read_bytes())
 
     def run(data: bytes, folder: Path) -> None:
         (folder / "in" / "a.h5").write_bytes(data)

@@ -33,12 +33,13 @@ ORDERS = ("given", "spatial")
 #: Settings of meshes, and of points.
 MESH: Settings = (
     {}, {}, {"triangulate": True}, {"polygons": True}, {"skip_invalid": True}, {"color_by": "rgb"},
-    {"color_by": "z", "radius": 0.5},
+    {"color_by": "z", "radius": 0.5}, {"smooth": True}, {"smooth": True, "skip_invalid": True},
 )  # fmt: skip
 POINTS: Settings = (
     {"radius": 0.5}, {"radius": 0.5}, {"radius": 0.5, "skip_invalid": True},
     {"radius": 0.5, "color_by": "mass"}, {"radius": "radii"}, {"radius": 0.5, "color_by": "rgb"},
-    {}, {"positions": "centers", "radius": 0.5, "color_by": "mass", "color_range": (0, 1)},
+    {"radius": 0.5, "frame": 0}, {},
+    {"positions": "centers", "radius": 0.5, "color_by": "mass", "color_range": (0, 1)},
 )  # fmt: skip
 
 

@@ -6,7 +6,9 @@ import struct
 from contextlib import closing
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.column_contents import rows_of_columns
 from bfrt.formats.columns import ColumnPoints
+from bfrt.formats.contents import Row
 from bfrt.formats.e57.remote import RemoteTable
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import write_points
@@ -42,8 +44,7 @@ def read_e57(path: str, sink: SceneSink, reading: Reading, report: Report | None
         If the system refuses to read it.
     """
     reading.refuse_all_but(path, *POINTS)
-    if not is_installed("pye57"):
-        raise SettingError(f"{path}: E57 needs pye57: install bfrt[e57]")
+    check_library(path)
     with Source(path) as source:
         check_header(source)
         with closing(RemoteTable(path, source.size, report)) as table:
@@ -52,6 +53,21 @@ def read_e57(path: str, sink: SceneSink, reading: Reading, report: Report | None
             writer.report()
         if report is not None:
             report(source.size)
+
+
+def contents_of_e57(path: str) -> list[Row]:
+    """List the columns that all scans of an E57 file have; else as `read_e57`."""
+    check_library(path)
+    with Source(path) as source:
+        check_header(source)
+        with closing(RemoteTable(path, source.size)) as table:
+            return rows_of_columns(table.names, table.count, str(table.dtype))
+
+
+def check_library(path: str) -> None:
+    """Refuse an E57 file where pye57 is missing."""
+    if not is_installed("pye57"):
+        raise SettingError(f"{path}: E57 needs pye57: install bfrt[e57]")
 
 
 def check_header(source: Source) -> None:

@@ -5,6 +5,6 @@
     reader: write_arrays ─► remote: Arrays ══ messages ══► child: Datasets ─► h5py
                                    ◄═══ rows, raw bytes ═══          origins
 
-HDF5 itself ends the process, or writes where it may not, at some files that are damaged
-(`bfrt.formats.remote`).
+HDF5 itself ends the process, goes round for ever, or writes where it may not, at some files that
+are damaged (`bfrt.formats.remote`).
 """

@@ -32,7 +32,8 @@ class Server:
         self.verbs: Verbs = {
             "has": self.has,
             "open": self.open,
-            "shallow": self.shallow,
+            "frame": self.frame,
+            "attributes": self.attributes,
             "begin": self.begin,
             "next": self.next,
             "end": self.end,
@@ -44,8 +45,11 @@ class Server:
     def open(self, name: str) -> Answer:
         return self._facts(self._datasets[name])
 
-    def shallow(self, number: int) -> Answer:
-        return self._facts(self._arrays[number].shallow())
+    def frame(self, number: int, place: int) -> Answer:
+        return self._facts(self._arrays[number].frame(place))
+
+    def attributes(self, path: str, *names: str) -> Answer:
+        return ["done", self._datasets.attributes(path, *names)], None
 
     def begin(self, number: int, rows: int) -> Answer:
         """Begin to read an array's rows, `rows` at a time."""
@@ -70,11 +74,12 @@ class Server:
 
 def main(path: str, limits: list[Any]) -> None:
     """Say which datasets a file has, and answer until nothing is asked any more."""
+    given = Limits(*limits)
     with contextlib.ExitStack() as opened:
 
         def begin() -> tuple[list[Any], Verbs]:
             source = opened.enter_context(Source(path))
-            datasets = opened.enter_context(closing(Datasets(source, Limits(*limits))))
+            datasets = opened.enter_context(closing(Datasets(source, given)))
             return [*datasets], Server(datasets).verbs
 
-        serve(begin)
+        serve(begin, given.seconds)

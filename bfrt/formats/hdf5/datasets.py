@@ -18,10 +18,11 @@ from h5py import h5d, h5g, h5i, h5l, h5o
 from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError, SceneError
+from bfrt.formats.hdf5.attributes import Constant, attributes_of, is_constant
 from bfrt.formats.hdf5.origins import Limits, Origins, close, opened, refusal_of
 from bfrt.formats.naming import within
 from bfrt.formats.source import Source, printable
-from bfrt.formats.table import Array, Column, Path, paths_of
+from bfrt.formats.table import Array, Column, Path, frame_of, paths_of
 
 
 def failure(
@@ -86,12 +87,14 @@ class Dataset:
             self._origins.check_sizes()
             yield block
 
+    def frame(self, number: int) -> Dataset:
+        """Return a frame of (frames, n, 3), as (n, 3)."""
+        place = frame_of(number, self.shape[0], self.name)
+        return Dataset(self._source, self._path, self._dataset, self._origins, place)
+
     def shallow(self) -> Dataset:
         """Return the last frame of (frames, n, 3), as (n, 3)."""
-        if not self.shape[0]:
-            raise SceneError(f"{self.name}: found no frames, expected one or more")
-        last = self._dataset.shape[0] - 1
-        return Dataset(self._source, self._path, self._dataset, self._origins, last)
+        return self.frame(-1)
 
     def _check_filters(self) -> None:
         """Raise an error that names a missing filter, where rows cannot be read for lack of it."""
@@ -107,7 +110,7 @@ class Dataset:
 
 
 class Datasets(Mapping[str, Array]):
-    """Maps paths to the arrays of a file: its datasets, and the fields of their records.
+    """Maps paths to the arrays of a file: its datasets, the fields of their records, and constants.
 
     Listed is each dataset once, by hard links as HDF5 visits them, then what only soft and external
     links lead to, and links that lead nowhere; any other path that leads to one may be asked for.
@@ -163,6 +166,8 @@ class Datasets(Mapping[str, Array]):
         if found is None:
             raise KeyError(name)
         dataset, path = found
+        if isinstance(dataset, h5g.GroupID):
+            return self._constant(name, dataset)
         whole = name.removesuffix("/".join(path)).rstrip("/") if path else name
         place = printable(whole)
         try:
@@ -171,6 +176,29 @@ class Datasets(Mapping[str, Array]):
             raise failure(self._source, error, "all that it is made of", f"{place}: ") from error
         array = Dataset(self._source, whole, h5py.Dataset(dataset), self._origins)
         return Column(array, path) if path else array
+
+    def attributes(self, path: str, *names: str) -> dict[str, Any] | None:
+        """Return those attributes of some names that an object has; None if there is no object.
+
+        Raises
+        ------
+        SceneError
+            If one is neither text nor a number, nor some of them.
+        """
+        try:
+            thing = self._opened(path, follows=True)
+            return None if thing is None else attributes_of(thing, names)
+        except Exception as error:
+            expected, place = "texts or numbers", f"{printable(path) or '/'}: "
+            raise failure(self._source, error, expected, place) from error
+
+    def _constant(self, name: str, group: Any) -> Constant:
+        """Return a constant record component."""
+        try:
+            return Constant(self._source, name, group)
+        except Exception as error:
+            expected, place = "a constant", f"{printable(name)}: "
+            raise failure(self._source, error, expected, place) from error
 
     def _list(self) -> None:
         """Find the names of all datasets; datasets that only links lead to come last."""
@@ -227,7 +255,7 @@ class Datasets(Mapping[str, Array]):
             if not at.links.exists(name):
                 return None
             at = self._step(at, name, "/".join(parts[: k + 1]))
-        return (at, ()) if isinstance(at, h5d.DatasetID) else None
+        return (at, ()) if isinstance(at, h5d.DatasetID) or is_constant(at) else None
 
     def _step(self, group: Any, name: bytes, path: str) -> Any:
         """Open the member of a group by its name."""
@@ -280,7 +308,7 @@ def names_of(path: str, thing: Any) -> list[str]:
     A virtual one is not asked for its shape, for which HDF5 might look into other files.
     """
     if not isinstance(thing, h5d.DatasetID):
-        return []
+        return [path] if is_constant(thing) else []
     if thing.get_create_plist().get_layout() != h5d.VIRTUAL and not thing.shape:
         return []  # one number, or nothing
     fields = fields_of(thing)

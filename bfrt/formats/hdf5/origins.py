@@ -26,6 +26,7 @@ import h5py
 from h5py import h5d, h5f, h5i, h5o, h5s
 
 from bfrt.errors import BudgetError, SceneError, ShortReadError, StreamError
+from bfrt.formats.remote.serving import SECONDS
 from bfrt.memory import format_memory
 from bfrt.refusals import calling
 
@@ -108,11 +109,15 @@ class Limits(NamedTuple):
         Bytes that HDF5 may take for chunks.
     external_storage : bool
         Whether rows may be in files that are no HDF5.
+    seconds : int
+        Seconds of the processor that an answer may take: HDF5 goes round for ever in some files
+        that are damaged.
     """
 
     taken: int
     room: int
     external_storage: bool = False
+    seconds: int = SECONDS
 
 
 class Origins:

@@ -36,7 +36,11 @@ class RemoteArray:
 
     def shallow(self) -> RemoteArray:
         """Return the last frame of (frames, n, 3), as (n, 3)."""
-        return RemoteArray(self._file, *self._file.ask("shallow", self._number))
+        return self.frame(-1)
+
+    def frame(self, number: int) -> RemoteArray:
+        """Return a frame of (frames, n, 3), as (n, 3)."""
+        return RemoteArray(self._file, *self._file.ask("frame", self._number, number))
 
 
 class RemoteArrays(Mapping[str, Array]):
@@ -62,6 +66,11 @@ class RemoteArrays(Mapping[str, Array]):
     def close(self) -> None:
         """End the process that reads."""
         self._file.close()
+
+    def attributes(self, path: str, *names: str) -> dict[str, Any] | None:
+        """Return those attributes of some names that an object has; None if there is no object."""
+        found: dict[str, Any] | None = self._file.ask("attributes", path, *names)[0]
+        return found
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._listed)

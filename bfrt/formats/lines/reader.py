@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bfrt.formats.column_contents import rows_of_columns
 from bfrt.formats.columns import ColumnPoints
+from bfrt.formats.contents import Row
 from bfrt.formats.lines.head import read_head
 from bfrt.formats.lines.table import LineTable
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
@@ -29,3 +31,10 @@ def read_lines(path: str, sink: SceneSink, reading: Reading, report: Report | No
         table = LineTable(source, read_head(source, reading.column_names))
         write_points(ColumnPoints(table, reading), writer)
         writer.report()
+
+
+def contents_of_lines(path: str) -> list[Row]:
+    """List the columns of points of text, by its first lines; else as `read_lines`."""
+    with Source(path) as source:
+        head = read_head(source, None)
+        return rows_of_columns(LineTable(source, head).names, head.rows, "text")

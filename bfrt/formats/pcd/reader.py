@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bfrt.formats.column_contents import use_of
 from bfrt.formats.columns import ColumnPoints
+from bfrt.formats.contents import Row
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.pcd.fields import PcdTable
 from bfrt.formats.pcd.header import read_header
@@ -28,3 +30,17 @@ def read_pcd(path: str, sink: SceneSink, reading: Reading, report: Report | None
         writer = ObjectWriter(sink, path, reading)
         write_points(ColumnPoints(PcdTable(source, read_header(source)), reading), writer)
         writer.report()
+
+
+def contents_of_pcd(path: str) -> list[Row]:
+    """List the fields of a PCD file by its header, and colors in their bits; else as `read_pcd`."""
+    with Source(path) as source:
+        header = read_header(source)
+        names = PcdTable(source, header).names
+    rows = []
+    for field in header.fields:
+        shape = (header.rows,) if field.numbers == 1 else (header.rows, field.numbers)
+        use = use_of(field.name, names) if field.numbers == 1 else ""
+        rows.append(Row(field.name, shape, str(field.dtype), use))
+    packed = [name for name in names if name not in {field.name for field in header.fields}]
+    return rows + [Row(name, (header.rows,), "8 bits", use_of(name, names)) for name in packed]

@@ -22,12 +22,17 @@ from bfrt.formats.source import Report, printable
 #: What full color is.
 FULL_COLOR = {1: 255.0, 3: 65535.0}
 
+NORMAL = ("nx", "ny", "nz")
+
 #: Names that a file's own colors go by; of several the first counts.
 COLOR_NAMES = (COLORS, ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 
 
 class PlyMesh:
     """Reads a PLY file's faces: a `bfrt.formats.mesh.Mesh`."""
+
+    what = "vertex"
+    normals = None
 
     def __init__(self, ply: Ply, vertex: Element, faces: list[Element], reading: Reading) -> None:
         self.ply = ply
@@ -43,14 +48,18 @@ class PlyMesh:
         for element in faces if self._of_face else ():
             if element.has_strips or not all(element.find(n) for n in self._of_face):
                 raise missing(ply, reading.columns, "vertex or face")
-        self.columns = 3 + len(self._of_vertex)
+        self.has_normals = all(vertex.find(name) for name in NORMAL)
+        own = NORMAL if self.has_normals and reading.smooth else ()
+        self._names = (*POSITION, *own, *self._of_vertex)
+        self._first = 3 + len(own)
+        self.columns = len(self._names)
         self.coordinates = vertex.dtype_of(POSITION)
-        self.row = vertex.dtype_of((*POSITION, *self._of_vertex))
+        self.row = vertex.dtype_of(self._names)
 
     def vertex_blocks(self) -> Iterator[NDArray[Any]]:
         scale = scale_of(self._vertex, self._of_vertex)
-        for block in self.ply.columns(self._vertex, (*POSITION, *self._of_vertex)):
-            block[:, 3:] /= scale
+        for block in self.ply.columns(self._vertex, self._names):
+            block[:, self._first :] /= scale
             yield block
 
     def face_blocks(self) -> Iterator[Faces]:
@@ -61,7 +70,7 @@ class PlyMesh:
 
     def numbers(self) -> Iterator[NDArray[Any]]:
         if self._of_vertex:
-            return (block[:, 3] for block in self.vertex_blocks())
+            return (block[:, self._first] for block in self.vertex_blocks())
         return (faces.values for faces in self.face_blocks() if faces.values is not None)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.contents import COLOR, Row
 from bfrt.formats.object_writer import LARGEST, ObjectWriter, SceneSink
 from bfrt.formats.raster.cells import triangles_in
 from bfrt.formats.raster.facts import Facts, check_place
@@ -25,6 +26,9 @@ log = logging.getLogger(__name__)
 
 #: The name of the numbers that colors may be made from.
 HEIGHT = "z"
+
+#: Bytes for blocks and rows of a raster that is only told of, which reads none.
+TOLD = 1 << 62
 
 #: The transform of a raster that has none.
 PIXELS = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -190,8 +194,7 @@ def read_raster(path: str, sink: SceneSink, reading: Reading, report: Report | N
         raise SettingError(
             f"{path}: found color_by={reading.color_by!r}, expected {HEIGHT!r}, which a raster has"
         )
-    if not is_installed("rasterio"):
-        raise SettingError(f"{path}: found no rasterio, expected it: install bfrt[raster]")
+    check_library(path)
     with Source(path) as source:
         size = source.size
     with closing(opened(path, reading)) as raster:
@@ -212,3 +215,18 @@ def opened(path: str, reading: Reading) -> RemoteRaster:
     """Open the band of a raster that is asked for."""
     band = 1 if reading.band is None else reading.band
     return RemoteRaster(path, band, need_of(path).blocks, reading.room)
+
+
+def contents_of_raster(path: str) -> list[Row]:
+    """Tell how large a raster's first band is; else as `read_raster`."""
+    check_library(path)
+    with closing(opened(path, Reading(room=TOLD))) as raster:
+        place, dtype = raster.facts.place, raster.facts.dtype
+    use = f"triangles: --band N, {COLOR.format(HEIGHT)}"
+    return [Row("band 1", (place.height, place.width), dtype, use)]
+
+
+def check_library(path: str) -> None:
+    """Refuse a raster where rasterio is missing."""
+    if not is_installed("rasterio"):
+        raise SettingError(f"{path}: found no rasterio, expected it: install bfrt[raster]")

@@ -5,7 +5,8 @@
     process: RemoteFile ══ messages ══► serving ─► the library
                   ◄═══ rows, raw bytes ═══
 
-A library in C ends the process, takes more memory than there is, or writes where it may not, at
-some files that are damaged. The child has no more to do than `messages` can ask for, and ends when
+A library in C ends the process, goes round for ever, takes more memory than there is, or writes
+where it may not, at some files that are damaged. The system ends a child that has had the processor
+for minutes for one answer. The child has no more to do than `messages` can ask for, and ends when
 its pipe is closed.
 """

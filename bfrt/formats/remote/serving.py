@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import resource
 import traceback
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +14,10 @@ from numpy.typing import NDArray
 
 from bfrt.errors import BfrtError
 from bfrt.formats.remote.messages import Channel, Ended
+
+#: Seconds of the processor that an answer may take: more than the largest chunk of a file does, or
+#: the names of very many datasets. Libraries go round for ever in some files that are damaged.
+SECONDS = 300
 
 #: Words, and the numbers behind them.
 Answer = tuple[list[Any], NDArray[Any] | None]
@@ -41,23 +46,41 @@ def said(error: BaseException) -> list[Any]:
     return [type(error).__name__, *made[1]]
 
 
-def answer_all(channel: Channel, begin: Begin) -> None:
+def end_after(seconds: int) -> None:
+    """Have the system end this process when it has had the processor for so many seconds more."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    soft = int(used.ru_utime + used.ru_stime) + 1 + seconds
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    bounded = soft if hard == resource.RLIM_INFINITY else min(soft, hard)
+    resource.setrlimit(resource.RLIMIT_CPU, (bounded, hard))
+
+
+def answer_all(channel: Channel, begin: Begin, seconds: int) -> None:
     """Say what a file has, and answer until nothing is asked any more."""
+    end_after(seconds)
     facts, verbs = begin()
     channel.send(["done", *facts])
     while True:
         request, _ = channel.receive()
+        end_after(seconds)
         channel.send(*answer(verbs, *request))
 
 
-def serve(begin: Begin) -> None:
-    """Serve by the standard streams, of which nothing else may write into the second."""
+def serve(begin: Begin, seconds: int = SECONDS) -> None:
+    """Serve by the standard streams, of which nothing else may write into the second.
+
+    Parameters
+    ----------
+    begin : callable
+    seconds : int
+        Those of the processor that an answer may take.
+    """
     with io.FileIO(0, closefd=False) as source, io.FileIO(os.dup(1), "w") as target:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         channel = Channel(source, target)
         with contextlib.suppress(Ended):
             try:
-                answer_all(channel, begin)
+                answer_all(channel, begin, seconds)
             except BfrtError as error:
                 channel.send(said(error))
             except Ended:

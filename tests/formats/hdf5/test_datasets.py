@@ -203,7 +203,10 @@ def test_meshes_in_a_group(file):
                  (("vertices", CENTERS), ("faces", faces))})  # fmt: skip
     said = failure(file)
     assert said.startswith("found a/vertices (20, 3) float32, a/faces (12, 3) int64, b/vertices")
-    assert said.endswith("expected one mesh, or positions= with the name of points")
+    assert said.endswith("one mesh, or positions= with the name of points or of one's group")
+    for positions in ("b", "/b/"):
+        asked = convert(file, positions=positions)
+        assert shapes_of(asked) == expected(CENTERS, faces.tolist())
     assert convert(file, positions="b/vertices", radius=1).objects == 20
 
 

@@ -94,7 +94,7 @@ def test_tilings_and_compressions(file, layout, room):
         if room < 1 << 10:  # a few rows
             patch.setattr("bfrt.formats.raster.child.BLOCK_COPIES", 0)
             rooms = [room * 40 * 70]
-            patch.setattr("bfrt.conversion.convert.rooms_for", lambda *_: rooms)
+            patch.setattr("bfrt.conversion.writing.rooms_for", lambda *_: rooms)
         there = np.ones(heights.shape, bool)
         assert shapes_of(convert(file)) == triangles(heights, there, UTM)
 
