@@ -262,7 +262,7 @@ def test_a_file_cut_anywhere(tmp_path, suffix):
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_mesh_of_arrays(tmp_path, dtype, smooth, monkeypatch):
-    monkeypatch.setattr("bfrt.store.writer.FACES_AT_ONCE", 2)
+    monkeypatch.setattr("bfrt.store.shape_writer.FACES_AT_ONCE", 2)
     vertices, normals = VERTICES.astype(dtype), NORMALS.astype(dtype)
     with bfrt.SceneWriter(tmp_path / "a.bfrt") as writer:
         red = writer.material(bfrt.Material((1, 0, 0)))
