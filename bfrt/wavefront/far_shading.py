@@ -27,7 +27,7 @@ from bfrt.wavefront.window import AHEAD, Window
 Records = NDArray[Any]
 
 #: Blocks of rays that a block of hits may send on.
-SENT_ON = 4
+SENT_ON = 2
 
 
 def hits_at_once(lights: int) -> int:
