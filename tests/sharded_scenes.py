@@ -120,9 +120,9 @@ def _writer(path, recipe, order):
 def _deal(writer, recipe, number, shards, group):
     """Write every so many block of a scene, with materials of its own, into a group."""
     names = np.array([writer.material(material) for material in recipe.materials], np.uint32)
-    for place, block in enumerate(recipe.blocks(max(1, recipe.objects // (3 * shards)))):
-        if place % shards != number or not len(block.materials):
-            continue
+    limit = max(1, recipe.objects // (3 * shards))
+    blocks = [part for block in recipe.blocks(limit) for part in block if len(part.materials)]
+    for block in blocks[number::shards]:
         if block.kind == Kind.POLYGON:
             writer.append_polygons(
                 block.records, block.vertex_counts, names[block.materials], group=group

@@ -167,13 +167,11 @@ class Ferry:
             for block in landed:
                 through += len(block.rays)
                 yield block.rays
-            if landed:
-                tell(through)
-            elif self._window.busy:
-                self._arrive(travel)
-                tell(through + sum(len(block.rays) - block.left for block in inside))
-            else:
+            if not landed and not self._window.busy:
                 return
+            if not landed:
+                self._arrive(travel)
+            tell(through + sum(len(block.rays) - block.left for block in inside))
 
     def _send_on(self, share: Share) -> None:
         for carrier, which in share.block.go_on(share.which):

@@ -144,7 +144,7 @@ def test_a_shard_that_goes_meanwhile(tmp_path, shared_client):
 
 
 def test_a_killed_worker_is_replaced(tmp_path):
-    """Its process ends while hits are shaded, and with it what is under way; Dask begins another."""
+    """Its process ends while rays are on their way; Dask begins another."""
     one, sharded = both(tmp_path, 5)
     with cluster_of(2) as client:
         far = bfrt.open(sharded.path, client=client)
