@@ -17,9 +17,8 @@ from bfrt.records import QUEUED
 from bfrt.shards.manifest import Manifest
 from bfrt.streams.bucket_sort import gathered
 from bfrt.streams.spool import Spool
-from bfrt.wavefront.cargo import Cargo
+from bfrt.wavefront.cargo import BLOCK, Cargo
 from bfrt.wavefront.carriers import Carrier
-from bfrt.wavefront.ferry import BLOCK
 from bfrt.wavefront.frame_tasks import Lighting, Shaded
 from bfrt.wavefront.travel import ShadingTravel
 from bfrt.wavefront.window import AHEAD, Window

@@ -22,15 +22,12 @@ from numpy.typing import NDArray
 
 from bfrt.cluster.counters import Part
 from bfrt.records import QUERY_RAY
-from bfrt.wavefront.cargo import Cargo
+from bfrt.wavefront.cargo import BLOCK, Cargo
 from bfrt.wavefront.frame_tasks import MET, Meeting
 from bfrt.wavefront.routing import NOWHERE, Boxes, Route
 from bfrt.wavefront.tasks import Traced
 from bfrt.wavefront.travel import Travel
 from bfrt.wavefront.window import AHEAD, Window
-
-#: Rays of a block: 5.8 MB.
-BLOCK = 65536
 
 Records = NDArray[Any]
 Which = NDArray[np.int64]

@@ -13,17 +13,12 @@ from bfrt.cluster.counters import Part, summed
 from bfrt.cluster.watching import Watch
 from bfrt.queries.surfaces import SURFACE
 from bfrt.records import NO_HIT, QUERY_RAY
-from bfrt.wavefront.cargo import Cargo
+from bfrt.wavefront.cargo import BLOCK, Cargo
 from bfrt.wavefront.carriers import Carrier
 from bfrt.wavefront.routing import Boxes, carrier_entries
 from bfrt.wavefront.tasks import Find, Trace, Traced
 from bfrt.wavefront.travel import Travel, TravelStats
-
-#: Rays of a block: 5.8 MB.
-BLOCK = 65536
-
-#: Blocks under way for each carrier: one is traced while another travels.
-AHEAD = 2
+from bfrt.wavefront.window import AHEAD
 
 Records = NDArray[Any]
 

@@ -39,9 +39,10 @@ from bfrt.settings import scratch_folder
 from bfrt.shards.store import ShardedStore
 from bfrt.stats import Counters
 from bfrt.view import View
+from bfrt.wavefront.cargo import BLOCK
 from bfrt.wavefront.carriers import Carrier
 from bfrt.wavefront.far_shading import FarShading, Owners
-from bfrt.wavefront.ferry import BLOCK, Ferry
+from bfrt.wavefront.ferry import Ferry
 from bfrt.wavefront.frame_tasks import Lighting, Meeting, Preparing
 from bfrt.wavefront.routing import Boxes, boxes_of
 from bfrt.wavefront.site import Site
