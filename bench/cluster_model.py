@@ -2,15 +2,15 @@
 
 ::
 
-    python bench/cluster_model.py --objects 20000 --pixels 512        count, and the model of it
+    python bench/cluster_model.py --objects 20000 --pixels 512      count, and the model
 
-A scene of spheres fills a cube of 2 x 2 x 2 cells, a shard and a carrier each. Its picture gives, for
-each depth, rays of an eye ray, legs of a ray, hits and bytes of each record (`counted`). The model
-then has as many objects in each of `machines` cells, and the rays of another frame:
+A scene of spheres fills a cube of 2 x 2 x 2 cells, a shard and a carrier each. Its picture gives,
+for each depth, rays of an eye ray, legs of a ray, hits and bytes of each record (`counted`). The
+model then has a cell for each machine, as opaque as these, and the rays of another frame:
 
-- A line through a cube of k x k x k cells meets k of them (by Cauchy's formula: each inner plane has
-  1/6 of the surface of the cube, so that a line crosses 2/6 of each of 3 (k - 1)). If a ray ends in
-  a cell with probability q, it has ``(1 - (1 - q)^k) / q`` legs; q is what the counted legs imply.
+- A line through a cube of k x k x k cells meets k of them (by Cauchy's formula: each of its
+  3 (k - 1) inner planes has 1/6 of the cube's surface, which a line crosses twice). If a ray ends
+  in a cell with probability q, it has ``(1 - (1 - q)^k) / q`` legs; q is what counted legs imply.
 - The client sends and gets all records: bytes over its link. Each worker has its share of them.
 - The client packs and unpacks records, and works out where each ray meets each shard: seconds of
   one thread.
@@ -66,7 +66,8 @@ class Machines:
         Plain bytes that the client packs and unpacks a second, by one thread (a block of rays of
         random numbers: 0.16 and 0.08 seconds).
     route : float
-        Crossings of a ray and a shard that it works out a second (0.97 seconds for a block and 125).
+        Crossings of a ray and a shard that it works out a second (a block, 125 shards: 0.97
+        seconds).
     """
 
     count: int = 100

@@ -19,7 +19,7 @@ from bfrt.streams.bucket_sort import gathered
 from bfrt.streams.spool import Spool
 from bfrt.wavefront.cargo import BLOCK, Cargo
 from bfrt.wavefront.carriers import Carrier
-from bfrt.wavefront.frame_tasks import Lighting, Shaded
+from bfrt.wavefront.frame_tasks import HitShading, Shaded
 from bfrt.wavefront.travel import ShadingTravel
 from bfrt.wavefront.window import AHEAD, Window
 
@@ -63,7 +63,7 @@ class FarShading:
     ----------
     window : Window
     owners : Owners
-    tasks : list of Lighting
+    tasks : list of HitShading
         Each carrier's.
     room : int
         Hits that are in memory at once.
@@ -75,7 +75,7 @@ class FarShading:
         self,
         window: Window,
         owners: Owners,
-        tasks: list[Lighting],
+        tasks: list[HitShading],
         room: int,
         count: Callable[[Part], None],
     ) -> None:

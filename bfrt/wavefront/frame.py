@@ -37,13 +37,13 @@ from bfrt.render_state import RenderState
 from bfrt.rendering import describe, tell_of_bad_rays
 from bfrt.settings import scratch_folder
 from bfrt.shards.store import ShardedStore
-from bfrt.stats import Counters
+from bfrt.stats import Counters, Stats
 from bfrt.view import View
 from bfrt.wavefront.cargo import BLOCK
 from bfrt.wavefront.carriers import Carrier
 from bfrt.wavefront.far_shading import FarShading, Owners
 from bfrt.wavefront.ferry import Ferry
-from bfrt.wavefront.frame_tasks import Lighting, Meeting, Preparing
+from bfrt.wavefront.frame_tasks import HitShading, Meeting, Preparing
 from bfrt.wavefront.routing import Boxes, boxes_of
 from bfrt.wavefront.site import Site
 from bfrt.wavefront.travel import RenderStats, ShadingTravel, Travel
@@ -179,7 +179,7 @@ class FarRender:
         eye = tuple(view_vectors(view.camera, self._wave.store.origin)[0].tolist())
         last = state.depth >= view.depth
         tasks = [
-            Lighting(site, tuple(view.lights), eye, view.aovs, last) for site in self._wave.sites
+            HitShading(site, tuple(view.lights), eye, view.aovs, last) for site in self._wave.sites
         ]
         shading = FarShading(self._window, self._owners, tasks, self._hits, self._count)
         shading.shade(
@@ -210,15 +210,23 @@ class FarRender:
 
 def prepare(wave: Wave, window: Window, stats: RenderStats, *, fresh_marks: bool) -> None:
     """Get all shards ready, each carrier its own, and begin the counters."""
-    reused = []
+    parts: dict[int, Stats] = {}
     for number, site in enumerate(wave.sites):
         window.send(number, Preparing(site), fresh_marks)
     while window.busy:
-        name, part = window.take().result
-        add_part(stats, (name, part))
-        reused.append(part.marks_reused)
-        stats.settings = {**part.settings, **stats.settings}
-    stats.marks_reused = bool(reused) and all(reused)
+        done = window.take()
+        _, parts[done.carrier] = done.result
+        add_part(stats, done.result)
+    each = [parts[number] for number in range(len(wave.sites))]
+    stats.marks_reused = all(part.marks_reused for part in each)
+    stats.grids = [grid for part in each for grid in part.grids]
+    trees = [part.tree for part in each if part.tree is not None]
+    if trees:
+        stats.tree = {
+            "treelets": sum(tree["treelets"] for tree in trees),
+            "resident": all(tree["resident"] for tree in trees),
+        }
+    stats.settings = {**each[0].settings, **stats.settings}
 
 
 def render(wave: Wave, client: Any, view: View, report: Report, *, fresh_marks: bool) -> Image:

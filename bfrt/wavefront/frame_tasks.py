@@ -115,7 +115,7 @@ def _met(passing: Passing) -> Records:
 
 
 @dataclass(frozen=True)
-class Lighting:
+class HitShading:
     """Shades hits on the objects of some shards, as a task.
 
     Attributes

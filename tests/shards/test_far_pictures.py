@@ -46,6 +46,9 @@ def test_two_workers_make_the_picture(scenes, way, shared_client):
     assert total.rays.reflection and total.rays.refraction and total.rays.shadow
     assert stats.settings == {"refine": way, "memory": 160 << 20, "threads": 1, "depth": 5}
     assert len(stats.workers) == 2
+    assert len(stats.grids) == len(expected.stats.grids)
+    if way == "tree":
+        assert stats.tree["treelets"] == expected.stats.tree["treelets"]
     for name in ("object_tests", "box_tests", "node_tests", "passes", "geometry_read"):
         each = [getattr(own.total, name) for own in stats.workers.values()]
         assert getattr(stats.total, name) == sum(each)
