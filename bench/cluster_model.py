@@ -9,8 +9,9 @@ for each depth, rays of an eye ray, legs of a ray, hits and bytes of each record
 model then has a cell for each machine, as opaque as these, and the rays of another frame:
 
 - A line through a cube of k x k x k cells meets k of them (by Cauchy's formula: each of its
-  3 (k - 1) inner planes has 1/6 of the cube's surface, which a line crosses twice). If a ray ends
-  in a cell with probability q, it has ``(1 - (1 - q)^k) / q`` legs; q is what counted legs imply.
+  3 (k - 1) inner planes has 1/6 of the cube's surface, which a line crosses twice). Whatever the
+  rays are, those beyond the first grow like k - 1; hits end some. So legs beyond the first are
+  those counted times k - 1, at the most.
 - The client sends and gets all records: bytes over its link. Each worker has its share of them.
 - The client packs and unpacks records, and works out where each ray meets each shard: seconds of
   one thread.
@@ -157,19 +158,9 @@ def cells_met(side: float) -> float:
     return 1 + 3 * (side - 1) * 2 / 6
 
 
-def legs_of(side: float, ends: float) -> float:
-    """Return the legs of a ray that ends in a cell with probability `ends`."""
-    met = cells_met(side)
-    return met if ends <= 0 else (1 - (1 - ends) ** met) / ends
-
-
-def ends_of(legs: float, side: float = CELLS) -> float:
-    """Return the probability to end in a cell that so many legs imply; 0 if none end."""
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if legs_of(side, middle) > legs else (low, middle)
-    return low
+def legs_of(side: float, legs: float) -> float:
+    """Return the most legs of a ray among side^3 carriers, if it has so many among `CELLS`^3."""
+    return 1 + (legs - 1) * (side - 1) / (CELLS - 1)
 
 
 def bytes_of(depth: Depth, rays: float, legs: float) -> float:
@@ -182,7 +173,7 @@ def bytes_of(depth: Depth, rays: float, legs: float) -> float:
 def times(depth: Depth, eye: float, machines: Machines, legs: float | None = None) -> Times:
     """Return the seconds of a depth of a frame with so many eye rays."""
     side = machines.count ** (1 / 3)
-    legs = legs_of(side, ends_of(depth.legs)) if legs is None else legs
+    legs = legs_of(side, depth.legs) if legs is None else legs
     rays = eye * depth.rays
     moved = bytes_of(depth, rays, legs)
     sent = rays * (legs * QUERY_RAY_BYTES + depth.hits * HIT_BYTES)
@@ -221,7 +212,7 @@ def scene_of(folder: Path, objects: int, cells: int, pixels: int) -> Path:
             writer.light(bfrt.Light((3.0 * cells, -2.0 * cells, 4.0 * cells)))
             writer.camera(
                 bfrt.Camera((2.6 * cells, -1.4 * cells, 1.9 * cells), (cells / 2,) * 3, (0, 0, 1),
-                            35, resolution=(pixels, pixels))
+                            12, resolution=(pixels, pixels))
             )  # fmt: skip
         stores.append(bfrt.open(path).store)
     join(folder / "cells.bfrts", stores)
