@@ -56,39 +56,49 @@ Own = TypeVar("Own", bound="Capacities")
 
 
 @dataclass(frozen=True)
-class Capacities:
+class Room:
+    """Holds what memory has room for of a render between two depths.
+
+    Attributes
+    ----------
+    rows : int
+        Rows of the frame that are in memory at a time.
+    frame_on_disk : bool
+        Whether the finished image is on disk.
+    hits, queue : int
+        Hits, and rays of a depth, that wait in memory.
+    """
+
+    rows: int
+    frame_on_disk: bool
+    hits: int
+    queue: int
+
+    def bands(self, height: int) -> int:
+        """Return the number of bands of rows that an image of `height` rows is rendered in."""
+        return -(-height // self.rows)
+
+
+@dataclass(frozen=True)
+class Capacities(Room):
     """Holds what a memory budget has room for, whatever rays go through.
 
     Attributes
     ----------
     memory : int
         Bytes of the budget.
-    rows : int
-        Rows of the frame that are in memory at a time.
-    frame_on_disk : bool
-        Whether the finished image is on disk.
     rays, candidates : int
         Rays in flight, and their candidates.
-    hits, queue : int
-        Hits, and rays of a depth, that wait in memory.
     read_buffer : int
         Bytes of one read buffer.
     threads : int
     """
 
     memory: int
-    rows: int
-    frame_on_disk: bool
     rays: int
     candidates: int
-    hits: int
-    queue: int
     read_buffer: int
     threads: int
-
-    def bands(self, height: int) -> int:
-        """Return the number of bands of rows that an image of `height` rows is rendered in."""
-        return -(-height // self.rows)
 
     def for_hits(self: Own, count: int) -> Own:
         """Return these capacities for `count` hits at most: twice as many fit, to sort them."""

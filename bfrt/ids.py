@@ -36,6 +36,11 @@ def kind_of(stream: int) -> Kind:
     return Kind(stream & ((1 << KIND_BITS) - 1))
 
 
+def group_of(stream: Ids) -> Ids:
+    """Return the group of a stream."""
+    return stream >> KIND_BITS if isinstance(stream, int) else stream >> np.uint64(KIND_BITS)
+
+
 def object_id(stream: int, index: int) -> int:
     """Return the id of an object."""
     return stream << INDEX_BITS | index

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.budget import Room
 from bfrt.checkpoint.soundness import Sound, expect
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.image.film import Film
@@ -19,7 +21,6 @@ from bfrt.records import HIT, HIT_BYTES, QUEUED, QUEUED_BYTES
 from bfrt.stats import Stats
 from bfrt.store.store import Store
 from bfrt.streams.spool import Spool
-from bfrt.tracer import Tracer
 from bfrt.view import View
 
 
@@ -67,26 +68,35 @@ class RenderState:
     store: Store
 
     @classmethod
-    def first(cls, tracer: Tracer, view: View, stats: Stats) -> RenderState:
-        """Return the state at the beginning."""
-        plan, store, scratch = tracer.capacities, tracer.store, tracer.scratch
+    def first(
+        cls, store: Store, room: Room, scratch: Path, view: View, stats: Stats
+    ) -> RenderState:
+        """Return the state at the beginning.
+
+        Parameters
+        ----------
+        room : Room
+            What memory holds.
+        scratch : Path
+            Folder for what it does not.
+        """
         width, height = view.camera.resolution
-        film = Film(width, height, view.samples, plan.rows, view.aovs)
+        film = Film(width, height, view.samples, room.rows, view.aovs)
 
         def eye_rays(first: int, last: int) -> EyeRays:
             return EyeRays(store, view.camera, view.samples, first, last)
 
         return cls(
-            bands=plan.bands(height),
+            bands=room.bands(height),
             band=1,
             depth=0,
             eye_rays=eye_rays,
             queue=eye_rays(*film.elements()),
-            waiting=Spool(QUEUED, plan.queue, scratch),
-            following=Spool(QUEUED, plan.queue, scratch),
-            hits=Spool(HIT, plan.hits, scratch),
+            waiting=Spool(QUEUED, room.queue, scratch),
+            following=Spool(QUEUED, room.queue, scratch),
+            hits=Spool(HIT, room.hits, scratch),
             film=film,
-            image=ImageBuffer(width, height, scratch if plan.frame_on_disk else None),
+            image=ImageBuffer(width, height, scratch if room.frame_on_disk else None),
             stats=stats,
             store=store,
         )

@@ -67,11 +67,11 @@ class Render:
         self._start = time.perf_counter()
         self._began = self._start  # of the depth
         self._bad = -tracer.bad  # those of work before
-        self._state = RenderState.first(tracer, view, stats)
-        store, film = tracer.store, self._state.film
+        store, room = tracer.store, tracer.capacities
+        self._state = RenderState.first(store, room, tracer.scratch, view, stats)
         eye = view_vectors(view.camera, store.origin)[0]
-        hits = tracer.capacities.hits
-        self._shading = Shading(store, view.lights, film, eye, hits, tracer.workers)
+        film, workers = self._state.film, tracer.workers
+        self._shading = Shading(store, view.lights, film, eye, room.hits, workers)
 
     def run(self) -> ImageBuffer:
         """Trace all bands; return the finished picture."""

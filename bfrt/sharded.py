@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, overload
 
@@ -11,17 +12,20 @@ from numpy.typing import ArrayLike
 from bfrt.cluster.asked import Asked
 from bfrt.errors import SettingError
 from bfrt.ids import kind_of
+from bfrt.image.picture import Image
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
 from bfrt.queries.answers import Out
 from bfrt.queries.question import Answer, Question
 from bfrt.queries.rays import Given
+from bfrt.refusals import in_memory
 from bfrt.scene import Geometry, PathLike, Scene
 from bfrt.scene import open_scene as open_here
 from bfrt.settings import FINEST
 from bfrt.shards.manifest import SUFFIX, Manifest
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light
+from bfrt.view import DEPTH, View
 from bfrt.wavefront.scene import ALL, ANY, COUNT, NEAREST, Wanted, Wavefront
 
 #: Rays, their ends, and where the answer goes.
@@ -29,7 +33,7 @@ Asking = tuple[Given, Given | None, ArrayLike, ArrayLike, Out | None]
 
 
 class ShardedScene:
-    """Answers ray queries about a sharded scene, whose shards are opened by workers alone.
+    """Renders a sharded scene, whose shards are opened by workers alone, and answers ray queries.
 
     Each shard has a worker that answers for it. Rays go to the workers whose shards' bounds they
     meet, nearest first, and no further than to the nearest hit; answers are the same, bit for bit,
@@ -105,6 +109,64 @@ class ShardedScene:
     def workers(self) -> dict[str, tuple[int, ...]]:
         """Return the shards, by their places in the file, that each worker answers for."""
         return {each.workers[0]: each.numbers for each in self._wavefront.carriers}
+
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Camera | None = None,
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | None = None,
+    ) -> Image:
+        """Render the scene where its shards are.
+
+        Rays go to the workers whose shards' bounds they meet, and each hit is shaded by the worker
+        that has its object. The picture is the same, bit for bit, as that of `Scene.render`.
+
+        Parameters
+        ----------
+        memory, threads : optional
+            Each worker's; by default a quarter of its limit, and all its threads. The client takes
+            a quarter of what its machine has: a larger frame is rendered in bands of rows, and rays
+            and hits beyond that wait on its disk, beside the scene's file.
+        camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid
+            As for `Scene.render`.
+        scratch : path-like, optional
+            A folder that each worker has; by default its own on its disk.
+        progress : bool or callable
+            As for `Scene.render`: it is told the rays of each depth, after each task.
+        checkpoint : None
+            One is refused: where a worker ends, others do its tasks again.
+
+        Returns
+        -------
+        Image
+            As `Scene.render`. ``stats.travel`` counts what went between client and workers, by
+            depth; ``stats.workers`` has the counters of each worker.
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+            As for `Scene.render`; those of a shard or of a budget name the worker.
+        """
+        if checkpoint is not None:
+            raise SettingError(
+                "checkpoint: found one for a scene on a cluster, expected None: where a worker "
+                "ends, others do its tasks again"
+            )
+        view = View.of(self._wavefront.store, camera, samples, depth, aovs)
+        asked = Asked(memory, threads, refine or FINEST, grid, max_grid, fresh_marks, scratch)
+        with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
+            return self._wavefront.render(view, asked, refine, report)
 
     def cast_rays(
         self,
@@ -287,20 +349,6 @@ class ShardedScene:
         with reporting(progress) as report:
             question = Question(*rays, report)
             return self._wavefront.answer(wanted, question, asked, refine)
-
-
-def asked_of(
-    memory: str | int | None,
-    threads: int | None,
-    refine: str | None,
-    grid: int | None,
-    max_grid: int | None,
-    scratch: PathLike | None,
-) -> Asked:
-    """Return settings for each worker; of no refinement each takes its shards' own."""
-    return Asked(
-        memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
-    )
 
 
 @overload

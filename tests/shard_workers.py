@@ -37,7 +37,7 @@ def make_shard_at_last(task):
 def spilled(path, checksum):
     """Where a task of this worker spills, and the worker's own folder."""
     asked = Asked("160MiB", 1, "sgb", None, None, fresh_marks=False, scratch=None)
-    with Trace(ShardPlace(path, checksum, (0,)), asked, None, Find.ANY)._tracer() as tracer:
+    with Trace(ShardPlace(path, checksum, (0,)), asked, None, Find.ANY).tracer() as tracer:
         return str(tracer.scratch), str(running().local_directory)
 
 

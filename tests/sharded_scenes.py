@@ -90,3 +90,42 @@ def assert_same_picture(found, expected):
         np.testing.assert_array_equal(
             found.channels[name], expected.channels[name], strict=True, err_msg=name
         )
+
+
+def standard(folder, recipe, shards, order="given"):
+    """A standard scene whose blocks are dealt out to groups, and the same in shards."""
+    folder.mkdir(exist_ok=True)
+    with _writer(folder / "one.bfrt", recipe, order) as writer:
+        for number in range(shards):
+            _deal(writer, recipe, number, shards, group=number)
+    stores = []
+    for number in range(shards):
+        path = folder / f"part{number}.bfrt"
+        with _writer(path, recipe, order) as writer:
+            _deal(writer, recipe, number, shards, group=0)
+        stores.append(bfrt.open(path).store)
+    join(folder / "scene.bfrts", stores)
+    return Both(bfrt.open(folder / "one.bfrt"), bfrt.open(folder / "scene.bfrts"))
+
+
+def _writer(path, recipe, order):
+    writer = bfrt.SceneWriter(path, order=order, dtype="float32", durable=False, origin=(0, 0, 0))
+    writer.camera(recipe.camera)
+    for light in recipe.lights:
+        writer.light(light)
+    writer.background(recipe.background)
+    return writer
+
+
+def _deal(writer, recipe, number, shards, group):
+    """Write every so many block of a scene, with materials of its own, into a group."""
+    names = np.array([writer.material(material) for material in recipe.materials], np.uint32)
+    limit = max(1, recipe.objects // (3 * shards))
+    blocks = [part for block in recipe.blocks(limit) for part in block if len(part.materials)]
+    for block in blocks[number::shards]:
+        if block.kind == Kind.POLYGON:
+            writer.append_polygons(
+                block.records, block.vertex_counts, names[block.materials], group=group
+            )
+        else:
+            writer.append(block.kind, block.records, names[block.materials], group=group)

@@ -27,6 +27,7 @@ from bfrt.store.ordering.room import (
     room_beside,
     room_of,
 )
+from bfrt.wavefront.travel import RenderStats, TravelStats
 from bfrt.workers import WAITING
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -97,14 +98,18 @@ def keys(counts):
     """All keys of the counters, nested ones too."""
     for key, value in counts.items():
         yield key
-        if isinstance(value, dict):
-            yield from keys(value)
+        for each in value if isinstance(value, list) else [value]:
+            if isinstance(each, dict):
+                yield from keys(each)
 
 
-def test_every_counter_is_on_the_page():
-    counted = ClusterStats(objects=0, scene_bytes=0, settings={}).as_dict()
+@pytest.mark.parametrize("made", [ClusterStats, TravelStats, RenderStats])
+def test_every_counter_is_on_the_page(made):
+    counted = made(objects=0, scene_bytes=0, settings={})
+    if made is RenderStats:
+        counted.travel_of(1)
     text = page("counters")
-    assert [key for key in keys(counted) if f"``{key}``" not in text] == []
+    assert [key for key in keys(counted.as_dict()) if f"``{key}``" not in text] == []
 
 
 def test_every_public_name_is_on_the_page():

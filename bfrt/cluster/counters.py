@@ -38,11 +38,17 @@ def summed(parts: Iterable[Part]) -> ClusterStats:
     parts = list(parts)
     _, first = parts[0]
     whole = ClusterStats(first.objects, first.scene_bytes, first.settings, first.marks_reused)
-    for name, stats in parts:
-        own = whole.workers.setdefault(name, _nothing(stats))
-        for target in (whole, own):
-            _add(target, stats)
+    for part in parts:
+        add_part(whole, part)
     return whole
+
+
+def add_part(whole: ClusterStats, part: Part) -> None:
+    """Add the counters of a task to the sum, and to those of its worker."""
+    name, stats = part
+    own = whole.workers.setdefault(name, _nothing(stats))
+    for target in (whole, own):
+        _add(target, stats)
 
 
 def _nothing(stats: Stats) -> Stats:

@@ -94,6 +94,27 @@ class Watch:
         self._tasks = len(given)
         return futures
 
+    def first(self) -> Any:
+        """Wait for the first of all tasks that is done and not through yet.
+
+        Returns
+        -------
+        distributed.Future
+            Its `result` is there.
+        """
+        while True:
+            try:
+                heard = self._heard.get(timeout=PATIENCE)
+            except Empty:
+                done = [future for future in self._futures.values() if future.done()]
+                if done:
+                    return done[0]
+                continue
+            if isinstance(heard, (list, tuple)):
+                self._hear(heard)
+            elif heard.key in self._futures:
+                return heard
+
     def result(self, future: Any) -> Any:
         """Wait for a task, and return what it gives back, which the workers then forget.
 

@@ -17,6 +17,7 @@ from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
 from bfrt.phases.hit_order import HitLoads, hits_of, picked
 from bfrt.phases.lighting import lighting_of
+from bfrt.phases.traversal import Sink
 from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED_BYTES
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
@@ -78,7 +79,7 @@ class Shading:
         self,
         groups: list[GroupScans],
         hits: Spool,
-        queue: Spool,
+        queue: Sink,
         last: bool,
         counters: Counters,
         between: Callable[[HitLoads], None],

@@ -13,4 +13,10 @@ A ray goes to the carriers, workers with some shards, whose bounds it meets, the
 the nearest hit that it has. It goes no further where the next bounds begin behind that hit. What
 counts is the least (t, id), so that no order of arrival changes the answer. Of the geometry nothing
 travels.
+
+Of a picture the client has film and queues, and the depth loop (`frame`)::
+
+    queue ─► Ferry: outboxes, one a carrier ─► Meeting ─► nearest hits ─► settle ─► film
+      ▲                                                        │
+      └─ rays that go on, elements of the film ◄─ HitShading ◄─┘  by the carrier of the object
 """

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+#: Rays of a block: 5.8 MB.
+BLOCK = 65536
+
 #: Bytes that are packed to see whether it pays, and the most that may be left of them.
 SAMPLE = 1 << 15
 PAYS = 0.8

@@ -4,67 +4,23 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.cluster.counters import ClusterStats, Part, summed
+from bfrt.cluster.counters import Part, summed
 from bfrt.cluster.watching import Watch
 from bfrt.queries.surfaces import SURFACE
 from bfrt.records import NO_HIT, QUERY_RAY
-from bfrt.wavefront.cargo import Cargo
+from bfrt.wavefront.cargo import BLOCK, Cargo
 from bfrt.wavefront.carriers import Carrier
-from bfrt.wavefront.routing import Boxes, entries
+from bfrt.wavefront.routing import Boxes, carrier_entries
 from bfrt.wavefront.tasks import Find, Trace, Traced
-
-#: Rays of a block: 5.8 MB.
-BLOCK = 65536
-
-#: Blocks under way for each carrier: one is traced while another travels.
-AHEAD = 2
+from bfrt.wavefront.travel import Travel, TravelStats
+from bfrt.wavefront.window import AHEAD
 
 Records = NDArray[Any]
-
-
-@dataclass
-class Travel:
-    """Counts what goes between the client and the workers.
-
-    Attributes
-    ----------
-    rays : int
-        Rays sent: each as often as it goes to a carrier.
-    found : int
-        Records that come back: hits, counts, or rays that something stops.
-    legs : int
-        Tasks.
-    bytes_sent, bytes_received : int
-        Of the records, as they travel.
-    """
-
-    rays: int = 0
-    found: int = 0
-    legs: int = 0
-    bytes_sent: int = 0
-    bytes_received: int = 0
-
-
-@dataclass
-class TravelStats(ClusterStats):
-    """Holds the counters of all workers, and what has travelled.
-
-    Attributes
-    ----------
-    travel : Travel
-    """
-
-    travel: Travel = field(default_factory=Travel)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the counters under the keys that the documentation lists, ready for JSON."""
-        return {**super().as_dict(), "travel": asdict(self.travel)}
 
 
 class Block:
@@ -168,15 +124,12 @@ class Flights:
         """Yield blocks of rays, (n,) of records.QUERY_RAY, in order, with what they have found."""
         flying: deque[tuple[Block, list[Any]]] = deque()
         for rays in blocks:
-            block = Block(rays, self._entries(rays), self._tasks[0].find)
+            block = Block(rays, carrier_entries(rays, self._boxes), self._tasks[0].find)
             flying.append((block, self._depart(block)))
             while len(flying) > AHEAD * len(self._carriers):
                 yield self._land(*flying.popleft())
         while flying:
             yield self._land(*flying.popleft())
-
-    def _entries(self, rays: Records) -> NDArray[np.float64]:
-        return np.stack([entries(rays, boxes).min(axis=1) for boxes in self._boxes], axis=1)
 
     def _depart(self, block: Block) -> list[Any]:
         """Send rays to where they go next; return the tasks."""

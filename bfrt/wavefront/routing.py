@@ -16,6 +16,12 @@ from bfrt.store.store import Store
 #: rounded here otherwise than in the kernels loses no ray.
 GROWN = 2.0
 
+#: Crossings of rays and shards that are worked out at once: 8 MB of each of some arrays.
+AT_ONCE = 1 << 20
+
+#: The carrier of a ray that goes nowhere any more.
+NOWHERE = -1
+
 Boxes = NDArray[np.float64]
 
 
@@ -54,3 +60,66 @@ def entries(rays: NDArray[Any], boxes: Boxes) -> NDArray[np.float64]:
         empty = boxes[None, :, 0, 0] > boxes[None, :, 1, 0]
         missed = (near > far) | (far < 0.0) | (near == np.inf) | empty
     return np.where(missed, np.inf, np.fmax(near, 0.0))
+
+
+def carrier_entries(rays: NDArray[Any], boxes: Sequence[Boxes]) -> NDArray[np.float64]:
+    """Return where rays come to the shards of each carrier, (n, carriers); as `entries`."""
+    return np.stack([entries(rays, own).min(axis=1) for own in boxes], axis=1)
+
+
+class Route:
+    """Holds which carriers each ray of a block still has to go to, the nearest first.
+
+    It takes 12 bytes for each carrier that a ray meets: of many carriers a ray meets few.
+
+    Parameters
+    ----------
+    rays : (n,) records.HIT
+    boxes : sequence of (m, 2, 3) float64
+        Of each carrier's shards.
+    """
+
+    def __init__(self, rays: NDArray[Any], boxes: Sequence[Boxes]) -> None:
+        step = max(1, AT_ONCE // max(1, sum(map(len, boxes))))
+        parts = [
+            _by_nearness(carrier_entries(rays[first : first + step], boxes))
+            for first in range(0, len(rays), step)
+        ]
+        counts = np.concatenate([np.empty(0, np.int64), *(count for count, _, _ in parts)])
+        # Behind the last there is one that nobody comes to.
+        self._near = np.concatenate([*(near for _, near, _ in parts), [np.inf]])
+        self._carriers = np.concatenate(
+            [*(carriers for _, _, carriers in parts), np.array([NOWHERE], np.int32)]
+        )
+        self._last = np.cumsum(counts)
+        self._next = self._last - counts
+
+    def next(self, which: NDArray[np.int64], ends: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Return the carrier that each of some rays goes to now.
+
+        Parameters
+        ----------
+        which : (k,) int64
+            The rays, each once.
+        ends : (k,) float64
+            Where they end: they go no further, but to what begins there.
+
+        Returns
+        -------
+        (k,) int32
+            `NOWHERE` for those that are through.
+        """
+        at = self._next[which]
+        goes = (at < self._last[which]) & (self._near[at] <= ends)
+        self._next[which] += goes
+        return np.where(goes, self._carriers[at], np.int32(NOWHERE))
+
+
+def _by_nearness(
+    met: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int32]]:
+    """Return how many carriers each ray meets; and, ray by ray, where, and which they are."""
+    order = np.argsort(met, axis=1, kind="stable")
+    near = np.take_along_axis(met, order, axis=1)
+    reached = near < np.inf
+    return reached.sum(axis=1), near[reached], order[reached].astype(np.int32)

@@ -14,6 +14,7 @@ from bfrt.cluster.asked import Asked
 from bfrt.cluster.engine import client_of
 from bfrt.cluster.watching import Watch
 from bfrt.errors import SettingError
+from bfrt.image.picture import Image
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, shapes_of
 from bfrt.queries.casting import (
@@ -33,9 +34,13 @@ from bfrt.records import RayKind
 from bfrt.settings import scratch_folder
 from bfrt.shards.store import ShardedStore, open_sharded
 from bfrt.streams.spool import Spool
+from bfrt.view import View
+from bfrt.wavefront import frame
 from bfrt.wavefront.carriers import Carrier, ShardPlace, carriers_of
 from bfrt.wavefront.flight import Block, Flights, blocks_of
+from bfrt.wavefront.frame import Wave
 from bfrt.wavefront.routing import boxes_of
+from bfrt.wavefront.site import Site
 from bfrt.wavefront.tasks import Find, Trace
 
 #: Hits of a listing that the client holds in memory.
@@ -120,13 +125,30 @@ class Wavefront:
         answer.stats = stats
         return answer
 
+    def render(self, view: View, asked: Asked, refine: str | None, report: Report) -> Image:
+        """Render a view.
+
+        Parameters
+        ----------
+        view : View
+        asked : Asked
+            Settings of each worker.
+        refine : str, optional
+            None is what each worker's shards are made for.
+        report : Report
+        """
+        sites = [Site(place, asked, refine) for place in self._places()]
+        wave = Wave(self.store, self.carriers, sites)
+        return frame.render(wave, self.client, view, report, fresh_marks=asked.fresh_marks)
+
+    def _places(self) -> list[ShardPlace]:
+        """Return each carrier's shards."""
+        return [ShardPlace(self._path, self.store.checksum, each.numbers) for each in self.carriers]
+
     def _flights(self, watch: Watch, find: Find, asked: Asked, refine: str | None) -> Flights:
         shards = self.store.manifest.shards
         boxes = [boxes_of(self.store, [shards[n] for n in each.numbers]) for each in self.carriers]
-        tasks = [
-            Trace(ShardPlace(self._path, self.store.checksum, each.numbers), asked, refine, find)
-            for each in self.carriers
-        ]
+        tasks = [Trace(place, asked, refine, find) for place in self._places()]
         return Flights(watch, self.carriers, boxes, tasks)
 
 

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.cluster.asked import Asked
 from bfrt.cluster.counters import Part
 from bfrt.cluster.reports import TaskReport
-from bfrt.cluster.stores import lent
-from bfrt.cluster.worker import running, this_worker
-from bfrt.errors import SettingError
+from bfrt.cluster.worker import this_worker
 from bfrt.phases.all_hits import AllHits
 from bfrt.progress import Progress
 from bfrt.queries.surfaces import SURFACE, surfaces_of
 from bfrt.records import HIT, NO_HIT, QUERY_RAY
-from bfrt.refusals import in_memory
 from bfrt.rendering import stats_of
-from bfrt.settings import FINEST, TREE
 from bfrt.stats import Counters
-from bfrt.store.store import Store
 from bfrt.streams.spool import Spool
 from bfrt.tracer import Outcome, Tracer
 from bfrt.wavefront.cargo import Cargo
-from bfrt.wavefront.carriers import ShardPlace
+from bfrt.wavefront.site import Site
 
 #: A nearer hit: what a ray needs to go on, and its surface.
 FOUND = np.dtype([("near", "<f8"), ("id", "<u8"), *SURFACE.descr])
@@ -96,61 +90,26 @@ class Traced(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Trace:
-    """Traces rays through some shards, as a task.
+class Trace(Site):
+    """Traces rays of a query through some shards, as a task.
 
     Attributes
     ----------
-    place : ShardPlace
-    asked : Asked
-        Settings; the refinement is that of `refine`.
-    refine : str, optional
-        None takes the shards' own.
     find : Find
     """
 
-    place: ShardPlace
-    asked: Asked
-    refine: str | None
     find: Find
 
     def __call__(self, cargo: Cargo) -> Traced:
         rays = cargo.records(HIT)
         report = TaskReport()
-        with self._tracer() as tracer:
+        with self.tracer() as tracer:
             stats = stats_of(tracer)
             tracer.begin(stats)
             with stats.depth(1) as counters:
                 found = FINDERS[self.find](Passing(tracer, rays, counters, report))
                 counters.rays.eye = len(rays)
             return Traced(Cargo.of(found), (this_worker().name, stats))
-
-    @contextmanager
-    def _tracer(self) -> Iterator[Tracer]:
-        with lent(self.place) as session:
-            refine = refinement_of(session.store, self.refine, self.asked)
-            asked = replace(self.asked, refine=refine, scratch=self.asked.scratch or own_disk())
-            settings = asked.settings(this_worker())
-            inside = in_memory(f"{self.place.path}: tracing rays", settings.memory)
-            with inside, session.tracer(settings) as tracer:
-                yield tracer
-
-
-def own_disk() -> str | None:
-    """Return the folder of this worker on its own disk, for what memory does not hold."""
-    own = running()
-    return None if own is None else str(own.local_directory)
-
-
-def refinement_of(store: Store, refine: str | None, asked: Asked) -> str:
-    """Return the refinement asked for, or that of the shards and of settings of a grid."""
-    if refine == TREE and not store.ordered:
-        raise SettingError(
-            f"refine: found {TREE!r} for {store.path}, which has shards in the order given, "
-            "expected base, sg or sgb"
-        )
-    gridded = asked.grid is not None or asked.max_grid is not None
-    return refine or (TREE if store.ordered and not gridded else FINEST)
 
 
 @dataclass
