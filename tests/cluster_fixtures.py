@@ -31,12 +31,13 @@ def cluster_of(workers: int, *, processes: bool = True, threads: int = 1) -> Ite
     """A client of a cluster on this machine."""
     distributed = pytest.importorskip("distributed", reason=NEEDED)
     settings = {"dashboard_address": ":0", "silence_logs": logging.CRITICAL}
+    limit = LIMIT if processes else 0  # what the tests' own process holds would pause the worker
     with (
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=threads,
             processes=processes,
-            memory_limit=LIMIT,
+            memory_limit=limit,
             **settings,
         ) as cluster,
         distributed.Client(cluster) as client,
