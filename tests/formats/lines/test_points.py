@@ -279,12 +279,18 @@ def test_a_radius_by_spacing_is_told(tmp_path):
     path.write_text("0 0 0\n0 0.25 0\n0 0.5 0\n")
     command = [sys.executable, "-m", "bfrt", "convert", path, "-o", tmp_path / "a.bfrt"]
     for more, told in ((["--radius", "auto"], "radius 0.25, the median distance of 3"), ([], None)):
-        done = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [*command, *more], capture_output=True, text=True, check=False, cwd=tmp_path
+        )
         if told is None:
             assert done.returncode == 2
             told = "as auto, which takes their spacing: 0.25"
         assert told in done.stderr
     done = subprocess.run(
-        [*command, "--radius", "auto", "--quiet"], capture_output=True, text=True, check=False
+        [*command, "--radius", "auto", "--quiet"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
     )
     assert (done.returncode, done.stderr) == (0, "")
