@@ -204,7 +204,8 @@ bfrt.convert(sys.argv[2:], sys.argv[1], radius=0.5, durable=False)
 
 def test_killed_work_goes_on(files, tmp_path):
     target = tmp_path / "scene.bfrts"
-    killed = subprocess.run([sys.executable, "-c", KILLED, target, *files], env=dict(os.environ))
+    command = [sys.executable, "-c", KILLED, target, *files]
+    killed = subprocess.run(command, cwd=tmp_path)  # away from the sources
     assert killed.returncode == -signal.SIGKILL
     kept = {path.name: made_at(path) for path in (tmp_path / "scene.shards").glob("*.bfrt")}
     assert sorted(name[:5] for name in kept) == ["00000", "00001", "00002"]
