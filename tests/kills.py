@@ -85,12 +85,11 @@ def kills(
     start = time.perf_counter()
     assert run(command, folder)[0] == 0
     whole = time.perf_counter() - start
-    expected = contents(made)
+    expected, there = contents(made), names(folder / "plain")
     place, aside = folder / "killed", folder / "aside"
     place.mkdir()
     killed = went_on = 0
     command, made = work(place)
-    before = names(place)
     while killed < count:
         status, _ = run(command, place, rng.uniform(0.2, 1.0) * whole)
         if status:
@@ -100,20 +99,20 @@ def kills(
             status, said = run(command, place)
             assert ("goes on where it was left" in said) >= bool(saved)
             went_on += "goes on where it was left" in said
-            check_done(place, before, made, expected)
+            check_done(place, there, made, expected)
             shutil.rmtree(place)
             aside.rename(place)
         else:
-            check_done(place, before, made, expected)
+            check_done(place, there, made, expected)
             if anew is not None:
                 anew(place)
     return Kills(killed, went_on)
 
 
-def check_done(place: Path, before: set[str], made: Path, expected: dict[str, bytes]) -> None:
-    """Hold what work has made to what it makes alone; there is nothing else."""
+def check_done(place: Path, there: set[str], made: Path, expected: dict[str, bytes]) -> None:
+    """Hold what work has made to what it makes unkilled, where `there` is all that there is."""
     assert contents(made) == expected
-    assert names(place) == before | {made.relative_to(place).parts[0]}
+    assert names(place) == there
     assert litter(place) == []
 
 
