@@ -45,9 +45,12 @@ def cluster_of(workers: int, *, processes: bool = True, threads: int = 1) -> Ite
         yield client
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_client():
-    """A client of two worker processes, which all tests share."""
+    """A client of two worker processes, which the tests of a file share.
+
+    It ends with them: its threads open files, which other tests count.
+    """
     with cluster_of(2) as client:
         yield client
 

@@ -99,14 +99,18 @@ def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
 
 
 def open_files() -> int:
-    """Files that this process has open: a spool without a name would be one; no pipe, no socket."""
+    """Files that this process has open: a spool without a name would be one.
+
+    Pipes and sockets are none, nor what a cluster's threads look at in /proc now and then.
+    """
     folder = Path("/proc/self/fd")
     if not folder.exists():
         return 0
     count = 0
     for each in folder.iterdir():
         with contextlib.suppress(FileNotFoundError):  # the one that lists them
-            count += str(each.readlink()).startswith("/")
+            name = str(each.readlink())
+            count += name.startswith("/") and not name.startswith(("/proc/", "/sys/", "/dev/"))
     return count
 
 
@@ -118,7 +122,7 @@ def failure(path: Path, kind: type[BfrtError] = SceneError, **settings: Any) -> 
     message = str(caught.value)
     assert isinstance(caught.value, kind), f"{caught.type.__name__}: {message}"
     del caught
-    assert open_files() == before
+    assert open_files() <= before  # less where another test's rubbish goes
     assert set(path.parent.iterdir()) == there
     assert message.isprintable() and len(message) < 600
     assert "found" in message or kind is StreamError
@@ -140,6 +144,6 @@ def outcome(path: Path, **settings: Any) -> str:
         assert said.isprintable()
         assert str(path) in said
         assert not made.exists()
-    assert open_files() == before
+    assert open_files() <= before  # less where another test's rubbish goes
     assert set(path.parent.iterdir()) - {made} == there
     return said
