@@ -207,9 +207,7 @@ class ShardedScene:
         SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `Scene.cast_rays`; those of a shard or of a budget name the worker.
         """
-        asked = Asked(
-            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
-        )
+        asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
         return self._answer(NEAREST, rays, progress, asked, refine)
 
@@ -248,9 +246,7 @@ class ShardedScene:
         SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `cast_rays`.
         """
-        asked = Asked(
-            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
-        )
+        asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
         return self._answer(ANY, rays, progress, asked, refine)
 
@@ -289,9 +285,7 @@ class ShardedScene:
         SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `cast_rays`.
         """
-        asked = Asked(
-            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
-        )
+        asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
         return self._answer(COUNT, rays, progress, asked, refine)
 
@@ -332,9 +326,7 @@ class ShardedScene:
         SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
             As for `cast_rays`.
         """
-        asked = Asked(
-            memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
-        )
+        asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
         return self._answer(ALL, rays, progress, asked, refine)
 
@@ -349,6 +341,16 @@ class ShardedScene:
         with reporting(progress) as report:
             question = Question(*rays, report)
             return self._wavefront.answer(wanted, question, asked, refine)
+
+
+def asked_of(
+    memory: str | int | None, threads: int | None, refine: str | None, grid: int | None,
+    max_grid: int | None, scratch: PathLike | None,
+) -> Asked:  # fmt: skip
+    """Return the settings of a query, which keeps the marks that are there."""
+    return Asked(
+        memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
+    )
 
 
 @overload
