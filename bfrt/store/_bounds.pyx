@@ -1,7 +1,7 @@
 """Boxes of records, and what all of them together reach: the writer's loops."""
 
 cimport cython
-from libc.math cimport isfinite
+from libc.math cimport INFINITY, isfinite
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 import numpy as np
@@ -104,6 +104,33 @@ def bound(int kind, const scalar[:, ::1] records, const uint32_t[::1] counts, or
         bad = bound_all(&block, <Box*>&boxes[0, 0] if boxes.shape[0] else NULL, boxes.shape[0],
                         &degenerate)
     return degenerate, bad
+
+
+def around(const float[:, ::1] boxes):
+    """Return the box around boxes (n, 6), (6,) float64; inf and -inf for none."""
+    cdef Box box
+    cdef int64_t i
+    box_clear(&box)
+    with nogil:
+        for i in range(boxes.shape[0]):
+            box_add(&box, <const Box*>&boxes[i, 0])
+    return np.array(sides_of(&box))
+
+
+def around_points(const double[:, ::1] points):
+    """Return the box around points (n, 3), (6,) float64; inf and -inf for none."""
+    cdef double lo[3]
+    cdef double hi[3]
+    cdef int64_t i
+    cdef int k
+    for k in range(3):
+        lo[k], hi[k] = INFINITY, -INFINITY
+    with nogil:
+        for i in range(points.shape[0]):
+            for k in range(3):
+                lo[k] = min(lo[k], points[i, k])
+                hi[k] = max(hi[k], points[i, k])
+    return np.array([lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]])
 
 
 cdef inline bint before(const Large* one, const Large* other) noexcept nogil:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
-from bfrt.store._bounds import LargestBoxes
+from bfrt.store._bounds import LargestBoxes, around, around_points
 from bfrt.store.model import Vector
 
 #: The shortest axis of a grid, as a part of its diagonal: a flat scene has a grid too.
@@ -61,13 +61,16 @@ class Bounds(NamedTuple):
 NOTHING = Bounds(np.full(3, np.inf), np.full(3, -np.inf))
 
 
-def bounds_of(boxes: NDArray[np.floating]) -> Bounds:
+def bounds_of(boxes: NDArray[np.float32]) -> Bounds:
     """Return the union of boxes (n, 6); boxes of degenerate objects (inf, -inf) add nothing."""
-    if len(boxes) == 0:
-        return NOTHING
-    return Bounds(
-        boxes[:, :3].min(axis=0).astype(np.float64), boxes[:, 3:].max(axis=0).astype(np.float64)
-    )
+    sides = around(boxes)
+    return Bounds(sides[:3], sides[3:])
+
+
+def bounds_of_points(points: NDArray[np.float64]) -> Bounds:
+    """Return the bounds of points (n, 3)."""
+    sides = around_points(points)
+    return Bounds(sides[:3], sides[3:])
 
 
 def check_extent(bounds: Bounds, origin: Vector) -> None:

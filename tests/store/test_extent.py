@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.store._bounds import LARGEST
-from bfrt.store.extent import FLATTEST, NOTHING, Bounds, Extent, bounds_of
+from bfrt.store.extent import FLATTEST, NOTHING, Bounds, Extent, bounds_of, bounds_of_points
 
 EMPTY = [np.inf] * 3 + [-np.inf] * 3
 
@@ -154,6 +154,15 @@ def test_nothing_at_all():
     assert Extent().outliers()[1].empty
     assert NOTHING.diagonal == 0.0
     assert bounds_of(np.empty((0, 6), np.float32)).empty
+
+
+@given(st.integers(1, 300), st.integers(0, 1000))
+def test_bounds_are_the_least_and_the_greatest(n, seed):
+    boxes = random_boxes(np.random.default_rng(seed), n, ties=seed % 2)
+    same(bounds_of(boxes), Bounds(boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)))
+    points = boxes[:, :3].astype(np.float64)
+    same(bounds_of_points(points), Bounds(points.min(axis=0), points.max(axis=0)))
+    assert bounds_of_points(points[:0]).empty
 
 
 def test_a_flat_scene_has_a_grid():

@@ -13,7 +13,7 @@ import bfrt
 from bfrt.records import Kind
 from bfrt.reference import exhaustive
 from bfrt.scene import Scene
-from bfrt.store.extent import bounds_of
+from bfrt.store.extent import bounds_of_points
 from bfrt.store.model import Camera
 from bfrt.store.ordering import order as order_module
 from bfrt.store.ordering.objects import Layout, Objects
@@ -86,7 +86,7 @@ def source_of(boxes, kind=Kind.SPHERE, block=37):
         np.arange(n, dtype=np.uint64),
     )
     firsts = range(0, n, block)
-    around = bounds_of(np.hstack([boxes[:, :3], boxes[:, :3]]).astype(np.float64))
+    around = bounds_of_points(boxes[:, :3].astype(np.float64))
     return Source(
         layout,
         lambda: (whole.between(a, min(n, a + block), layout) for a in firsts),

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.store.extent import NOTHING, Bounds, bounds_of
+from bfrt.store.extent import NOTHING, Bounds, bounds_of_points
 from bfrt.store.ordering._loops import codes_of, give_back
 from bfrt.store.ordering.objects import Filling, Layout, Objects
 from bfrt.store.ordering.regions import Regions, object_bytes
@@ -303,7 +303,7 @@ def _fill(
         for k in np.flatnonzero(heavy).tolist():
             own = placed.centers[order[ends[k - 1] if k else 0 : ends[k]]]
             own = own[np.isfinite(own[:, 0])]  # of an empty box there is none
-            bounds[k] = bounds_of(np.hstack([own, own]))
+            bounds[k] = bounds_of_points(own)
         return placed.objects.taken(order, source.layout), ends, bounds
 
     around = dict.fromkeys(np.flatnonzero(heavy).tolist(), NOTHING)
