@@ -117,10 +117,10 @@ def around(const float[:, ::1] boxes):
     return np.array(sides_of(&box))
 
 
-def around_points(const double[:, ::1] points):
+def around_points(const float[:, ::1] points):
     """Return the box around points (n, 3), (6,) float64; inf and -inf for none."""
-    cdef double lo[3]
-    cdef double hi[3]
+    cdef float lo[3]
+    cdef float hi[3]
     cdef int64_t i
     cdef int k
     for k in range(3):

@@ -67,7 +67,7 @@ def bounds_of(boxes: NDArray[np.float32]) -> Bounds:
     return Bounds(sides[:3], sides[3:])
 
 
-def bounds_of_points(points: NDArray[np.float64]) -> Bounds:
+def bounds_of_points(points: NDArray[np.float32]) -> Bounds:
     """Return the bounds of points (n, 3)."""
     sides = around_points(points)
     return Bounds(sides[:3], sides[3:])

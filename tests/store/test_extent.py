@@ -160,7 +160,7 @@ def test_nothing_at_all():
 def test_bounds_are_the_least_and_the_greatest(n, seed):
     boxes = random_boxes(np.random.default_rng(seed), n, ties=seed % 2)
     same(bounds_of(boxes), Bounds(boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)))
-    points = boxes[:, :3].astype(np.float64)
+    points = np.ascontiguousarray(boxes[:, :3])
     same(bounds_of_points(points), Bounds(points.min(axis=0), points.max(axis=0)))
     assert bounds_of_points(points[:0]).empty
 

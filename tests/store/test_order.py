@@ -86,7 +86,7 @@ def source_of(boxes, kind=Kind.SPHERE, block=37):
         np.arange(n, dtype=np.uint64),
     )
     firsts = range(0, n, block)
-    around = bounds_of_points(boxes[:, :3].astype(np.float64))
+    around = bounds_of_points(np.ascontiguousarray(boxes[:, :3]))
     return Source(
         layout,
         lambda: (whole.between(a, min(n, a + block), layout) for a in firsts),

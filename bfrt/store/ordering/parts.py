@@ -130,7 +130,7 @@ class Placed(NamedTuple):
 
     objects: Objects
     cells: NDArray[np.int64]
-    centers: NDArray[np.float64]
+    centers: NDArray[np.float32]
 
 
 def as_they_come(source: Source, means: Means, done: int = 0) -> Generator[Objects, None, None]:
