@@ -18,7 +18,7 @@ from bfrt.grid.selection import Selection
 from bfrt.grid.slabs import Slabs
 from bfrt.grid.voxel_rays import BLOCK_BYTES, UPPER_BYTES, VoxelRays
 from bfrt.image.frame import FrameSize, HeldFrame, held_frame
-from bfrt.memory import BASELINE, format_memory
+from bfrt.memory import BASELINE, format_memory, machine_memory
 from bfrt.phases.shading import SHADED_HIT_BYTES, Shading
 from bfrt.phases.traversal import CANDIDATES_A_RAY, FEWEST_RAYS, IN_FLIGHT_BYTES
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
@@ -133,11 +133,14 @@ class TreeCapacities(Capacities):
     resident : bool
         Whether there is room for all treelets.
     kept : int
-        Bytes of treelets that stay where there is not.
+        Bytes of treelets' nodes that stay where there is not.
+    cached : bool
+        Whether the system's cache, which has what the budget leaves, has room for all treelets.
     """
 
     resident: bool
     kept: int
+    cached: bool
 
 
 def fixed_bytes(store: Store, settings: Settings) -> int:
@@ -210,7 +213,8 @@ def tree_capacities(store: Store, settings: Settings, held: HeldFrame, left: int
         rays = min(rays, RESIDENT_RAYS)
     shared = shared_capacities(settings, held, left, rays, 0)
     shared["candidates"] = Candidates.room(shared["candidates"])  # of as many bytes
-    return TreeCapacities(**shared, resident=resident, kept=kept)
+    cached = treelets <= machine_memory() - settings.memory
+    return TreeCapacities(**shared, resident=resident, kept=kept, cached=cached)
 
 
 def shared_capacities(

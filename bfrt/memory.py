@@ -66,13 +66,18 @@ def format_memory(amount: int) -> str:
 
 
 @cache
-def default_memory() -> int:
-    """Return a quarter of the machine's memory, or of its cgroup's limit if that is less, bytes.
+def machine_memory() -> int:
+    """Return the machine's memory, or its cgroup's limit if that is less, bytes.
 
     Both are asked for once: reading a cgroup's files takes as long as tracing a ray does.
     """
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return min([machine, *cgroup_limits()]) // 4
+    return min([machine, *cgroup_limits()])
+
+
+def default_memory() -> int:
+    """Return a quarter of what there is, bytes."""
+    return machine_memory() // 4
 
 
 def cgroup_limits() -> list[int]:

@@ -31,6 +31,7 @@ from bfrt.store.store import Store
 from bfrt.tracer import Outcome, Tell, Tracer
 from bfrt.tree.casting import TreeCaster
 from bfrt.tree.forest import Forest
+from bfrt.tree.pieces import rooms
 from bfrt.tree.rays import RAYS_AT_ONCE, TreeIntersector, TreeRays
 
 #: Treelets that a ray meets in its first pass at the most, and how many times as many in each that
@@ -40,7 +41,7 @@ GROWTH = 2
 
 #: Rays that go down at once; treelets that a thread takes at once.
 DESCENDING = 1024
-TREELETS_AT_ONCE = 16
+TREELETS_AT_ONCE = 128
 
 #: Treelets that are read at once where all are; rays for each of them make that worth it.
 LOADED_AT_ONCE = 64
@@ -79,10 +80,13 @@ class TreeTracer(Tracer):
                 for group in store.groups
             ]
             self._order = self._scans[0].order
-            self._forest = Forest(store, padding_of(store), self.resident, capacities.kept)
+            self._forest = Forest(
+                store, padding_of(store), self.resident, capacities.kept, not capacities.cached
+            )
             self._rays = TreeRays(self._forest, capacities.rays, capacities.candidates)
             each = range(capacities.threads)
-            self._intersectors = [TreeIntersector(self._forest, self._order) for _ in each]
+            room = rooms(store)
+            self._intersectors = [TreeIntersector(self._forest, self._order, room) for _ in each]
             self.casters = [TreeCaster(self._forest, self._order) for _ in each]
             self._hits = np.empty((capacities.threads, RAYS_AT_ONCE), HIT)
             self._seen = 0

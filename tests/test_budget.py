@@ -16,7 +16,7 @@ from bfrt.budget import capacities, fixed_bytes
 from bfrt.errors import BudgetError, SettingError
 from bfrt.grid.partition import partition_of
 from bfrt.image.frame import FrameSize
-from bfrt.memory import default_memory, format_memory, parse_memory
+from bfrt.memory import default_memory, format_memory, machine_memory, parse_memory
 from bfrt.phases.traversal import FEWEST_RAYS, IN_FLIGHT_BYTES
 from bfrt.records import HIT_BYTES, QUEUED_BYTES, RAY_BITS, VOXEL_BITS
 from bfrt.settings import Settings
@@ -85,9 +85,9 @@ def machine(monkeypatch, tmp_path):
     )
     monkeypatch.setattr(memory_module, "OWN_CGROUPS", tmp_path / "own")
     monkeypatch.setattr(memory_module, "CGROUPS", tmp_path / "cgroup")
-    default_memory.cache_clear()
+    machine_memory.cache_clear()
     yield tmp_path
-    default_memory.cache_clear()
+    machine_memory.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -155,8 +155,10 @@ class StoreFolder:
             raise refused(path, 0, error, "reading") from error
         return array
 
-    def shared(self, path: Path, size: int, prefetched: bool = False) -> SharedFile:
-        """Open a file of `size` bytes for readers.
+    def shared(
+        self, path: Path, size: int, prefetched: bool = False, direct: bool = False
+    ) -> SharedFile:
+        """Open a file of `size` bytes for readers, as `SharedFile`.
 
         Raises
         ------
@@ -165,7 +167,7 @@ class StoreFolder:
         StreamError
             As the system refuses.
         """
-        file = SharedFile(path, prefetched, self.opener)
+        file = SharedFile(path, prefetched, self.opener, direct)
         self.check_open(path, file.fileno(), size)
         return file
 

@@ -97,8 +97,8 @@ class Stream:
     def path(self, name: str) -> Path:
         return self.folder / name
 
-    def opened(self, name: str, prefetched: bool = False) -> SharedFile:
-        """Open a file for readers, who may prefetch it if `prefetched`.
+    def opened(self, name: str, prefetched: bool = False, direct: bool = False) -> SharedFile:
+        """Open a file for readers, who may prefetch it if `prefetched`, past the cache if `direct`.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Stream:
         StreamError
             As the system refuses.
         """
-        return self.store.shared(self.path(name), self.files[name].bytes, prefetched)
+        return self.store.shared(self.path(name), self.files[name].bytes, prefetched, direct)
 
     def load(self, name: str, dtype: DTypeLike) -> NDArray[Any]:
         """Read a file as an array, (n,) of dtype; else as `opened`."""

@@ -17,6 +17,7 @@ cdef class SharedFile:
     cdef readonly int64_t size
     cdef int fd
     cdef int prefetch_fd   # the same, without the system's own read-ahead
+    cdef bint direct       # whether that one is read past the system's cache, in whole pages
     cdef int64_t last_end
     cdef int64_t bytes_read
     cdef int64_t seeks
@@ -32,13 +33,31 @@ cdef extern from *:
         (void)fd; (void)offset; (void)n; /* the system's own read-ahead has to do */
     #endif
     }
+
+    /* Have a file read through the system's cache from now on. */
+    static inline void bfrt_cached(int fd) {
+    #ifdef O_DIRECT
+        int flags = fcntl(fd, F_GETFL);
+        if (flags != -1)
+            (void)fcntl(fd, F_SETFL, flags & ~O_DIRECT);
+    #else
+        (void)fd;
+    #endif
+    }
     """
     void will_need "bfrt_will_need"(int fd, int64_t offset, int64_t n) noexcept nogil
+    void cached "bfrt_cached"(int fd) noexcept nogil
 
 
 cdef inline void prefetch_bytes(SharedFile file, int64_t offset, int64_t n) noexcept nogil:
     """Have the system begin to read bytes of a file."""
     will_need(file.prefetch_fd, offset, n)
+
+
+cdef inline void through_the_cache(SharedFile file) noexcept nogil:
+    """Read a file as others are, though it was opened to be read past the system's cache."""
+    cached(file.prefetch_fd)
+    file.direct = False
 
 
 cdef class Reader:

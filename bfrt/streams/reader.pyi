@@ -2,6 +2,7 @@ import os
 from collections.abc import Callable
 
 FLAGS: int
+DIRECT: int
 
 class SharedFile:
     path: str
@@ -11,7 +12,9 @@ class SharedFile:
         path: str | os.PathLike[str],
         prefetched: bool = False,
         opener: Callable[[str, int], int] = ...,
+        direct: bool = False,
     ) -> None: ...
+    def open_direct(self, opener: Callable[[str, int], int]) -> None: ...
     def fileno(self) -> int: ...
     def counts(self) -> tuple[int, int]: ...
 

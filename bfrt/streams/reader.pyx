@@ -12,7 +12,7 @@ descriptor, for which the system's own read-ahead is switched off.
 
 cimport cython
 from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
-from libc.errno cimport EINTR, errno
+from libc.errno cimport EINTR, EINVAL, errno
 from libc.stdint cimport int64_t, uintptr_t
 from libc.string cimport memmove
 
@@ -46,6 +46,9 @@ cdef enum:
 #: How files are opened.
 FLAGS = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0)
 
+#: How they are opened past the system's cache; 0 where no file is.
+DIRECT = getattr(os, "O_DIRECT", 0)
+
 
 @cython.final
 cdef class SharedFile:
@@ -59,6 +62,8 @@ cdef class SharedFile:
         Whether it will be read where that is prefetched, too.
     opener : callable, optional
         Gives a descriptor for the path and flags, as for Python's own `open`.
+    direct : bool
+        Whether what is prefetched is read past the system's cache, where the file's system can.
 
     Raises
     ------
@@ -66,13 +71,15 @@ cdef class SharedFile:
         If it cannot be opened.
     """
 
-    def __cinit__(self, path, bint prefetched=False, opener=os.open):
+    def __cinit__(self, path, bint prefetched=False, opener=os.open, bint direct=False):
         self.fd = self.prefetch_fd = -1
         self.path = os.fspath(path)
         try:
             self.fd = opener(self.path, FLAGS)
             self.size = os.fstat(self.fd).st_size
-            if prefetched:
+            if prefetched and direct:
+                self.open_direct(opener)
+            if prefetched and not self.direct:
                 self.prefetch_fd = opener(self.path, FLAGS)
                 no_read_ahead(self.prefetch_fd)
         except OSError as error:
@@ -82,6 +89,16 @@ cdef class SharedFile:
         for fd in (self.fd, self.prefetch_fd):
             if fd >= 0:
                 give_up(fd)
+
+    def open_direct(self, opener):
+        """Open the second descriptor past the system's cache, unless the file's system refuses."""
+        try:
+            self.prefetch_fd = opener(self.path, FLAGS | DIRECT)
+        except OSError as error:
+            if error.errno != EINVAL:
+                raise
+        else:
+            self.direct = DIRECT != 0
 
     def fileno(self):
         """Return the descriptor that is read in order."""

@@ -1,6 +1,7 @@
 """The treelets of a store: the tree above them, which is always in memory, and where each is."""
 
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.coordinates cimport Frame
@@ -38,6 +39,7 @@ cdef class Forest:
     cdef readonly double padding
     cdef readonly bint resident
     cdef readonly bint plain
+    cdef readonly bint direct
     cdef Top top
     cdef const Treelet* treelet
     cdef const uint16_t[::1] stream_of  # of each treelet, by its place in `streams`
@@ -45,14 +47,17 @@ cdef class Forest:
     cdef int stream_count
     cdef uint8_t[::1] there     # of each treelet, whether it is in memory
     cdef uint8_t[::1] locks
-    cdef int64_t[::1] place     # of each treelet among those kept, from 1; 0 for those that are not
-    cdef uint8_t[::1] kept_bytes    # memory for those
-    cdef int64_t used   # of it
+    cdef int64_t[::1] place     # of each treelet's among the nodes kept, from 1; 0 for none
+    cdef Node* kept_nodes
+    cdef int64_t kept_count     # for how many there is room
+    cdef int64_t used
+    cdef Node* roots    # the first node of each treelet that has been read
     cdef int64_t treelets_read
     cdef list kept      # what the pointers point into
     cdef list files
 
     cdef object keep(self, array)
+    cdef int keep_room(self, int64_t nodes) except -1
     cdef int open_stream(self, TreeStream* s, stream, store) except -1
     cdef int grow_top(self, table) except -1
     cdef void* opened(self, stream, name) except NULL
@@ -103,17 +108,22 @@ cdef inline void prefetch_id(Forest f, uint64_t id) noexcept nogil:
             return
 
 
-cdef inline unsigned char* kept_at(Forest f, uint32_t treelet) noexcept nogil:
-    """Return where a treelet is that streams, if it is kept."""
-    return &f.kept_bytes[f.place[treelet] - 1] if f.place[treelet] else NULL
+cdef inline const Node* kept_nodes(Forest f, uint32_t treelet) noexcept nogil:
+    """Return the nodes of a treelet that streams, if they are kept."""
+    return &f.kept_nodes[f.place[treelet] - 1] if f.place[treelet] else NULL
 
 
-cdef inline unsigned char* room_to_keep(Forest f, size_t n) noexcept nogil:
-    """Take n bytes to keep a treelet in, if there are so many."""
-    cdef int64_t at = atomic_fetch_add(&f.used, <int64_t>(n + 7) // 8 * 8)
-    return &f.kept_bytes[at] if at + <int64_t>n <= f.kept_bytes.shape[0] else NULL
+cdef inline void keep_nodes(Forest f, uint32_t treelet, const Node* nodes) noexcept nogil:
+    """Keep the nodes of a treelet that have been read, if there is room, and the first anyway.
 
-
-cdef inline void keep_at(Forest f, uint32_t treelet, const unsigned char* memory) noexcept nogil:
-    """Keep a treelet that has been read there: in a pass one thread has it, others in the next."""
-    f.place[treelet] = memory - &f.kept_bytes[0] + 1
+    In a pass one thread has a treelet, others in the next.
+    """
+    cdef uint32_t n = f.treelet[treelet].nodes
+    cdef int64_t at
+    if f.roots != NULL:
+        memcpy(&f.roots[treelet], nodes, sizeof(Node))
+    if f.used + n <= f.kept_count:
+        at = atomic_fetch_add(&f.used, n)
+        if at + n <= f.kept_count:
+            memcpy(&f.kept_nodes[at], nodes, n * sizeof(Node))
+            f.place[treelet] = at + 1

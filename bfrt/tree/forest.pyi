@@ -15,12 +15,14 @@ class Forest:
     padding: float
     resident: bool
     plain: bool
+    direct: bool
     def __init__(
         self,
         store: Store,
         padding: float,
         resident: bool,
         kept: int = 0,
+        direct: bool = False,
         plain: bool = False,
     ) -> None: ...
     @staticmethod

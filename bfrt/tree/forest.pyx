@@ -74,7 +74,10 @@ cdef class Forest:
     resident : bool
         Whether treelets stay in memory.
     kept : int
-        Of treelets that stream the bytes that stay, once they are read: the first that come.
+        Bytes for nodes of treelets that stream, which stay once they are read: the first of each
+        treelet, if half of the bytes hold them, and all of the treelets that come first.
+    direct : bool
+        Whether what streams is read past the system's cache.
     plain : bool
         Whether boxes are tested without wide vectors; it changes no answer.
 
@@ -89,8 +92,12 @@ cdef class Forest:
         If the treelets are not what they should be.
     """
 
-    def __cinit__(self, store, double padding, bint resident, int64_t kept=0, bint plain=False):
+    def __cinit__(
+        self, store, double padding, bint resident, int64_t kept=0, bint direct=False,
+        bint plain=False,
+    ):
         self.padding, self.resident, self.plain = padding, resident, plain
+        self.direct = direct and not resident
         self.kept, self.files = [], []
         streams = [stream for stream in store.streams if stream.treelets]
         self.streams = <TreeStream*>PyMem_RawMalloc((len(streams) + 1) * sizeof(TreeStream))
@@ -110,8 +117,9 @@ cdef class Forest:
         self.there = np.zeros(self.treelets if resident else 0, np.uint8)
         self.locks = np.zeros(self.treelets if resident else 0, np.uint8)
         self.place = np.zeros(0 if resident else self.treelets, np.int64)
-        self.kept_bytes = np.empty(0 if resident else max(1, kept), np.uint8)
         self.grow_top(table)
+        if not resident:
+            self.keep_room(kept // NODE_BYTES)
 
     def __dealloc__(self):
         PyMem_RawFree(self.streams)
@@ -120,6 +128,17 @@ cdef class Forest:
         """Keep an array as long as this is there."""
         self.kept.append(array)
         return array
+
+    cdef int keep_room(self, int64_t nodes) except -1:
+        """Take memory for so many nodes that stay."""
+        if self.treelets and 2 * self.treelets <= nodes:
+            self.roots = <Node*>self.memory_of(self.treelets * NODE_BYTES)
+            memset(self.roots, 0, self.treelets * NODE_BYTES)
+            nodes -= self.treelets
+        self.top.roots = self.roots
+        self.kept_count = nodes
+        self.kept_nodes = <Node*>self.memory_of(max(1, nodes) * NODE_BYTES)
+        return 0
 
     cdef int open_stream(self, TreeStream* s, stream, store) except -1:
         """Open the files of a stream, and take memory for them, of which what is used is given."""
@@ -144,7 +163,7 @@ cdef class Forest:
 
     cdef void* opened(self, stream, name) except NULL:
         """Open a file of a stream for as long as this is there."""
-        file = stream.opened(name, True)
+        file = stream.opened(name, True, self.direct)
         self.files.append(file)
         return <void*>file
 

@@ -1,31 +1,40 @@
-"""Treelets that are read one after another: a worker's memory for the one at hand."""
+"""Treelets that are read as rays come to them: a worker's memory for some that follow each other."""
 
-from libc.stdint cimport uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
 from bfrt.records cimport Treelet
+from bfrt.streams.reader cimport SharedFile
+from bfrt.streams.runs cimport RunReader
 from bfrt.tree.forest cimport Forest, TreeStream
 from bfrt.tree.walk cimport Piece
+from bfrt.treelets.node cimport Node
 
+cdef enum:
+    TOGETHER = 128  # treelets that are looked at together
 
-# Where the parts of a treelet begin, after its nodes, and all of them end.
+# Where the parts of a treelet will be, in the memory of those that read them.
 cdef struct Parts:
-    size_t boxes
-    size_t ends
-    size_t records
-    size_t size
+    int64_t records
+    int64_t boxes
+    int64_t ends
 
 
 cdef class PieceReader:
     cdef Forest forest
-    cdef unsigned char* memory
-    cdef size_t capacity
+    cdef RunReader nodes
+    cdef RunReader records
+    cdef RunReader boxes    # of those that are counted, as are ends
+    cdef RunReader ends
+    cdef const uint32_t* treelets   # of the batch
+    cdef int count
+    cdef const Node* node[TOGETHER]
+    cdef Parts parts[TOGETHER]
     cdef Piece piece
 
-    cdef const Piece* read(self, uint32_t treelet) except NULL nogil
-    cdef int measure(self, const TreeStream* s, const Treelet* t, Parts* parts) except -1 nogil
-    cdef int read_ends(self, const TreeStream* s, uint64_t before, uint32_t n,
-                       uint32_t* ends) except -1 nogil
-    cdef int fill(self, const TreeStream* s, const Treelet* t, const Parts* parts,
-                  unsigned char* memory) except -1 nogil
-    cdef int grow(self, size_t n) except -1 nogil
-    cdef void prefetch(self, uint32_t treelet) noexcept nogil
+    cdef int begin(self, const uint32_t* treelets, int64_t n) except -1 nogil
+    cdef const Piece* glance(self, int k) noexcept nogil
+    cdef int read_objects(self, const uint8_t* wanted, int first) except -1 nogil
+    cdef const Piece* whole(self, int k) noexcept nogil
+    cdef int64_t add_ends(self, const TreeStream* s, const Treelet* t) noexcept nogil
+    cdef int add_objects(self, int k) except -1 nogil
+    cdef const uint32_t* ends_of(self, int k) noexcept nogil

@@ -17,9 +17,10 @@ from bfrt.streams.atomic cimport atomic_fetch_add, atomic_load, lock, unlock
 from bfrt.tree.candidates cimport Candidates
 from bfrt.tree.descent cimport ABREAST, Descent, Source, count_tests, descend_all
 from bfrt.tree.forest cimport Forest
-from bfrt.tree.pieces cimport PieceReader
+from bfrt.tree.pieces cimport TOGETHER, PieceReader
+from bfrt.tree.sight cimport heading_of
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, entry_of, next_treelets
-from bfrt.tree.walk cimport Piece, Search, aim, walk_treelet
+from bfrt.tree.walk cimport Piece, Search, aim, meets_leaf, walk_treelet
 
 from bfrt.records import HIT_BYTES
 
@@ -30,6 +31,7 @@ RETIRED_BYTES = RAYS_AT_ONCE * HIT_BYTES
 cdef enum:
     NO_TREELET = 0xFFFFFFFF
     SOON = 4    # rays of a treelet: so long before it is looked at, each is fetched
+    MANY_RAYS = 32  # of a treelet: one of them meets a leaf
 
 # What becomes of `state`: whether a ray has a sentinel, or begins at the first treelet.
 cdef enum:
@@ -52,6 +54,13 @@ cdef inline void search_for(Search* s, const Ray* r, Forest f) noexcept nogil:
     cdef Line l = ray_line(r)
     aim(s, &l, f.padding)
     s.kind, s.id = r.kind, r.id
+    s.t = atomic_load(&r.t)
+
+
+cdef inline void head_for(Search* s, const Ray* r, Forest f) noexcept nogil:
+    """Begin a look at nodes alone."""
+    cdef Line l = ray_line(r)
+    s.line, s.heading = l, heading_of(&l, f.padding)
     s.t = atomic_load(&r.t)
 
 
@@ -217,6 +226,8 @@ cdef class TreeIntersector:
     ----------
     forest : Forest
     order : GivenOrder
+    room : tuple of 4 int, optional
+        Memory for treelets that stream, as `pieces.rooms` returns it.
     """
 
     cdef Forest forest
@@ -227,10 +238,10 @@ cdef class TreeIntersector:
     cdef Descent abreast[ABREAST]
     cdef Flight flight
 
-    def __cinit__(self, Forest forest not None, GivenOrder order not None):
+    def __cinit__(self, Forest forest not None, GivenOrder order not None, room=None):
         cdef int k
         self.forest, self.order = forest, order
-        self.pieces = None if forest.resident else PieceReader(forest)
+        self.pieces = None if forest.resident else PieceReader(forest, room)
         self.search.order, self.flight.forest = <void*>order, <void*>forest
         self.search.spans = forest.top.spans
         self.search.crossings = NULL
@@ -260,28 +271,62 @@ cdef class TreeIntersector:
         starts : (some + 1,) int64
             IN. Where those of each begin.
         """
-        cdef Search* s = &self.search
-        cdef const Piece* p
-        cdef Ray* r
-        cdef int64_t k, i, last = found.shape[0] - 1
+        cdef int64_t k = 0, last = treelets.shape[0]
         with nogil:
-            for k in range(treelets.shape[0]):
-                self.pieces.prefetch(treelets[k])
-            for k in range(treelets.shape[0]):
-                p = self.pieces.read(treelets[k])
-                for i in range(starts[k], starts[k + 1]):
-                    prefetch_ray(&rays.rays[found[min(i + SOON, last)]])
-                    s.mark = found[i]
-                    r = &rays.rays[s.mark]
-                    if r.t < 0.0:  # a shadow ray that has met something already
-                        continue
-                    search_for(s, r, self.forest)
-                    s.id = NO_HIT  # of another thread's hit the id may belong to an earlier t
-                    walk_treelet(p, s)
-                    if s.crossings == NULL:
-                        keep(r, s)
+            while k < last:
+                k += self.meet_some(rays, found, &treelets[k], &starts[k], last - k)
             if self.crossings is not None:
                 hand_over(self.crossings)
+
+    cdef int meet_some(self, TreeRays rays, const uint32_t[::1] found, const uint32_t* treelets,
+                       const int64_t* starts, int64_t most) except -1 nogil:
+        """Test rays against the first of `most` treelets; return how many there was room for."""
+        cdef uint8_t wanted[TOGETHER]
+        cdef int count = self.pieces.begin(treelets, most), k, end, first = 0
+        for k in range(count):
+            wanted[k] = self.any_leaf(self.pieces.glance(k), rays, found, starts[k], starts[k + 1])
+        while first < count:
+            end = self.pieces.read_objects(wanted, first)
+            for k in range(first, end):
+                if wanted[k]:
+                    self.go_down(self.pieces.whole(k), rays, found, starts[k], starts[k + 1])
+            first = end
+        return count
+
+    cdef bint any_leaf(self, const Piece* p, TreeRays rays, const uint32_t[::1] found,
+                       int64_t first, int64_t end) noexcept nogil:
+        """Tell whether any of some rays meets a leaf of a treelet; of many one does."""
+        cdef int64_t i
+        cdef Ray* r
+        if end - first > MANY_RAYS:
+            return True
+        for i in range(first, end):
+            prefetch_ray(&rays.rays[found[min(i + SOON, end - 1)]])
+            r = &rays.rays[found[i]]
+            if r.t >= 0.0:
+                head_for(&self.search, r, self.forest)
+                if meets_leaf(p, &self.search):
+                    return True
+        return False
+
+    cdef int go_down(self, const Piece* p, TreeRays rays, const uint32_t[::1] found,
+                     int64_t first, int64_t end) except -1 nogil:
+        """Test some rays against the objects of a treelet."""
+        cdef Search* s = &self.search
+        cdef int64_t i
+        cdef Ray* r
+        for i in range(first, end):
+            prefetch_ray(&rays.rays[found[min(i + SOON, end - 1)]])
+            s.mark = found[i]
+            r = &rays.rays[s.mark]
+            if r.t < 0.0:  # a shadow ray that has met something already
+                continue
+            search_for(s, r, self.forest)
+            s.id = NO_HIT  # of another thread's hit the id may belong to an earlier t
+            walk_treelet(p, s)
+            if s.crossings == NULL:
+                keep(r, s)
+        return 0
 
     def descend(self, TreeRays rays, int64_t first, int64_t last):
         """Test rays [first, last) against all that they may meet, of a resident forest."""

@@ -25,6 +25,7 @@ cdef struct Top:
     const unsigned char* boxes      # of the treelets, by number, so many bytes apart
     size_t stride
     int64_t count
+    const Node* roots   # the first node of each treelet that has been read, or NULL
     double padding      # d, by which objects' boxes are padded
     Spans spans
 
@@ -76,6 +77,19 @@ cdef struct Look:
     int64_t node_tests
 
 
+cdef inline bint passes_by(const Top* top, const Heading* heading, uint32_t treelet,
+                           Look* look) noexcept nogil:
+    """Tell whether a ray enters no child of a treelet's first node, where that is known."""
+    cdef const Node* root = &top.roots[treelet]
+    cdef float near[8]
+    cdef Sight sight
+    if top.roots == NULL or root.child == 0:
+        return False
+    look.node_tests += 1
+    sight = sight_of(heading, <const Box*>(top.boxes + treelet * top.stride))
+    return not top.spans(root, &sight, sight_reach(&sight, look.reach), near)
+
+
 cdef inline int next_treelets(const Top* top, const Line* l, Look* look,
                               Entry* found) noexcept nogil:
     """Find the next treelets that a ray enters, ascending; return how many."""
@@ -103,7 +117,9 @@ cdef inline int next_treelets(const Top* top, const Line* l, Look* look,
             c = lowest_bit(leaves)
             leaves &= leaves - 1
             if entry_of(top, l, top.leaves[leaf_before(node, c)], &e) and e.t <= look.reach:
-                if not comes_before(&e, &look.first):
+                if not comes_before(&e, &look.first) and not passes_by(
+                    top, &heading, e.treelet, look
+                ):
                     count = keep_entry(found, count, look.most, &e)
                     if count == look.most:
                         limit = sight_reach(&sight, found[count - 1].t)

@@ -251,3 +251,22 @@ cdef inline int walk_treelet(const Piece* p, Search* s) except -1 nogil:
         wait_inner(p.nodes, what, met, near, &w)
         if not next_waiting(&w, reach, &what):
             return 0
+
+
+cdef inline bint meets_leaf(const Piece* p, Search* s) noexcept nogil:
+    """Tell whether a ray meets any leaf of a treelet, by its nodes alone."""
+    cdef Sight sight = sight_of(&s.heading, p.box)
+    cdef float reach = sight_reach(&sight, s.t)
+    cdef float near[8]
+    cdef Waiting w
+    cdef uint32_t what = 0
+    cdef unsigned int met
+    w.n = 0
+    while True:
+        s.node_tests += 1
+        met = s.spans(p.nodes + what, &sight, reach, near)
+        if met & ~<unsigned int>p.nodes[what].inner:
+            return True
+        wait_inner(p.nodes, what, met, near, &w)
+        if not next_waiting(&w, reach, &what):
+            return False

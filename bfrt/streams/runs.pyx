@@ -1,0 +1,224 @@
+"""Many pieces of files, read in few runs.
+
+::
+
+    pieces   |==|  |====|      |===|        added in the order in which they lie
+    runs     |==========|      |===|        a short gap is read through
+    memory   |..........|.|....|...|        each from the begin of a page on
+
+Where a file is read past the system's cache (`SharedFile.direct`) pages have to be whole.
+"""
+
+cimport cython
+from libc.errno cimport EINTR, EINVAL, errno
+from libc.stdint cimport int64_t, uintptr_t
+
+from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
+
+from bfrt.streams.atomic cimport atomic_add
+from bfrt.streams.reader cimport SharedFile, prefetch_bytes, through_the_cache
+
+from bfrt.errors import ShortReadError, StreamError
+
+cdef extern from *:
+    """
+    #include <stdint.h>
+    #include <string.h>
+    #include <unistd.h>
+
+    typedef unsigned long bfrt_queue; /* the system's; 0 for none */
+
+    #if defined(__linux__)
+    #include <errno.h>
+    #include <linux/aio_abi.h>
+    #include <sys/syscall.h>
+
+    static inline bfrt_queue bfrt_queue_of(int most)
+    {
+        aio_context_t queue = 0;
+        return syscall(SYS_io_setup, most, &queue) == 0 ? queue : 0;
+    }
+
+    static inline void bfrt_end_queue(bfrt_queue queue)
+    {
+        if (queue)
+            (void)syscall(SYS_io_destroy, queue);
+    }
+
+    /* Have a read begin; false if the system takes none. */
+    static inline int bfrt_submit(bfrt_queue queue, int fd, void *to, int64_t n, int64_t from,
+                                  int64_t which)
+    {
+        struct iocb one, *all = &one;
+        memset(&one, 0, sizeof one);
+        one.aio_lio_opcode = IOCB_CMD_PREAD;
+        one.aio_fildes = (uint32_t)fd;
+        one.aio_buf = (uintptr_t)to;
+        one.aio_nbytes = (uint64_t)n;
+        one.aio_offset = from;
+        one.aio_data = (uint64_t)which;
+        return syscall(SYS_io_submit, queue, 1, &all) == 1;
+    }
+
+    /* Wait for a read to end, and tell which, and how many bytes came; below 0 for none. */
+    static inline int64_t bfrt_ended(bfrt_queue queue, int64_t *got)
+    {
+        struct io_event event;
+        long n;
+        do
+            n = syscall(SYS_io_getevents, queue, 1, 1, &event, NULL);
+        while (n == 0 || (n < 0 && errno == EINTR));
+        *got = n == 1 ? event.res : 0;
+        return n == 1 ? (int64_t)event.data : -1;
+    }
+    #else
+    static inline bfrt_queue bfrt_queue_of(int most) { (void)most; return 0; }
+    static inline void bfrt_end_queue(bfrt_queue queue) { (void)queue; }
+    static inline int bfrt_submit(bfrt_queue queue, int fd, void *to, int64_t n, int64_t from,
+                                  int64_t which)
+    {
+        (void)queue, (void)fd, (void)to, (void)n, (void)from, (void)which;
+        return 0;
+    }
+    static inline int64_t bfrt_ended(bfrt_queue queue, int64_t *got)
+    {
+        (void)queue, (void)got;
+        return -1;
+    }
+    #endif
+    """
+    unsigned long queue_of "bfrt_queue_of"(int most) noexcept nogil
+    void end_queue "bfrt_end_queue"(unsigned long queue) noexcept nogil
+    bint submit "bfrt_submit"(unsigned long queue, int fd, void* to, int64_t n, int64_t begin,
+                              int64_t which) noexcept nogil
+    int64_t ended "bfrt_ended"(unsigned long queue, int64_t* got) noexcept nogil
+    ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
+
+cdef enum:
+    PAGE = 4096
+    GAP = 1 << 15   # bytes that are read through: a run costs as much as 30 to 60 KB of reading
+
+
+cdef inline int64_t page_of(int64_t n) noexcept nogil:
+    return n & -PAGE
+
+
+cdef inline int64_t pages_up(int64_t n) noexcept nogil:
+    return (n + PAGE - 1) & -PAGE
+
+
+@cython.final
+cdef class RunReader:
+    """Reads pieces of files into memory of its own.
+
+    Parameters
+    ----------
+    capacity : int
+        Bytes, rounded up to pages. A piece of n bytes may take `RunReader.room(n)`.
+    """
+
+    def __cinit__(self, int64_t capacity):
+        self.capacity = pages_up(capacity)
+        self.block = <unsigned char*>PyMem_RawMalloc(self.capacity + PAGE)
+        if self.block == NULL:
+            raise MemoryError(f"{capacity} bytes to read to")
+        self.memory = <unsigned char*>pages_up(<uintptr_t>self.block)
+        self.queue = queue_of(MOST_RUNS)
+
+    def __dealloc__(self):
+        end_queue(self.queue)
+        PyMem_RawFree(self.block)
+
+    @staticmethod
+    def room(int64_t n):
+        """Return the bytes that a piece of n bytes takes at the most, wherever it lies."""
+        return pages_up(n) + 2 * PAGE
+
+    cdef void clear(self) noexcept nogil:
+        """Begin with nothing."""
+        self.used = 0
+        self.count = 0
+
+    cdef int64_t add(self, SharedFile file, int64_t begin, int64_t n) noexcept nogil:
+        """Add a piece; return where in memory it will be, or -1 if there is no room for it."""
+        cdef Run* run = &self.runs[self.count - 1]
+        cdef int64_t end = begin + n
+        cdef int64_t first = page_of(begin)
+        if self.count and run.file == <void*>file and run.begin <= begin <= run.end + GAP:
+            if run.at + pages_up(max(end, run.end)) - run.begin > self.capacity:
+                return -1
+            run.end = max(end, run.end)
+            self.used = run.at + pages_up(run.end) - run.begin
+            return run.at + begin - run.begin
+        if self.count == MOST_RUNS or self.used + pages_up(end) - first > self.capacity:
+            return -1
+        run += 1
+        run.file, run.begin, run.end, run.at = <void*>file, first, end, self.used
+        self.count += 1
+        self.used += pages_up(end) - first
+        return run.at + begin - first
+
+    cdef int read(self) except -1 nogil:
+        """Read all pieces that were added."""
+        self.start()
+        return self.finish()
+
+    cdef void start(self) noexcept nogil:
+        """Have the system begin to read all of them."""
+        cdef Run* run
+        cdef int k
+        for k in range(self.count):
+            run = &self.runs[k]
+            run.done = 0
+            if self.count > 1:
+                self.under_way += begin_run(
+                    <SharedFile>run.file, run, self.memory, self.queue, k
+                )
+
+    cdef int finish(self) except -1 nogil:
+        """Wait until they are read."""
+        cdef int64_t got = 0, which
+        cdef int k
+        while self.under_way:
+            which = ended(self.queue, &got)
+            self.under_way -= 1
+            if which >= 0:
+                self.runs[which].done = max(got, 0)   # what failed is read again, and told
+        for k in range(self.count):
+            read_rest(<SharedFile>self.runs[k].file, &self.runs[k], self.memory)
+        return 0
+
+
+cdef inline bint begin_run(SharedFile file, const Run* run, unsigned char* memory,
+                           unsigned long queue, int which) noexcept nogil:
+    """Have the system begin to read a run; false if that is for `read_rest`."""
+    if file.direct:
+        return queue != 0 and submit(
+            queue, file.prefetch_fd, memory + run.at, pages_up(run.end) - run.begin, run.begin,
+            which,
+        )
+    prefetch_bytes(file, run.begin, run.end - run.begin)
+    return False
+
+
+cdef int read_rest(SharedFile file, const Run* run, unsigned char* memory) except -1 nogil:
+    """Read what is missing of a run."""
+    cdef int64_t n = run.end - run.begin, done = run.done
+    cdef int64_t whole = pages_up(n) if file.direct else n
+    cdef ssize_t got
+    atomic_add(&file.seeks, file.last_end != run.begin)
+    while done < n:
+        got = pread(file.prefetch_fd, memory + run.at + done, whole - done, run.begin + done)
+        if got > 0:
+            done += got
+        elif got == 0:
+            with gil:
+                raise ShortReadError(file.path, run.begin + done, n - done, 0)
+        elif errno == EINVAL and file.direct:   # as after a read that ended within a page
+            through_the_cache(file)
+        elif errno != EINTR:
+            with gil:
+                raise StreamError(file.path, run.begin + done, errno, "reading")
+    file.last_end = pages_up(run.end)
+    atomic_add(&file.bytes_read, n)
+    return 0
