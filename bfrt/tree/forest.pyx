@@ -278,8 +278,8 @@ cdef class Forest:
         cdef const TreeStream* s = stream_at(self, treelet)
         p.kind, p.stride, p.frame = s.kind, s.stride, s.frame
         p.four, p.box, p.nodes = s.four, <const Box*>t, s.nodes + t.node
-        p.first = s.number << INDEX_BITS | t.first
-        p.boxes, p.ends, p.begin = NULL, NULL, 0
+        p.first, p.objects = s.number << INDEX_BITS | t.first, <uint32_t>t.count
+        p.boxes, p.ends, p.begin, p.skipped = NULL, NULL, 0, 0
         p.records = s.records
         if s.counted:
             p.boxes, p.ends = s.boxes + t.first, s.ends + t.first

@@ -1,19 +1,18 @@
 """Treelets that are read as rays come to them: a worker's memory for some that follow each other."""
 
-from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t
 
-from bfrt.records cimport Treelet
-from bfrt.streams.reader cimport SharedFile
 from bfrt.streams.runs cimport RunReader
-from bfrt.tree.forest cimport Forest, TreeStream
-from bfrt.tree.walk cimport Piece
+from bfrt.tree.forest cimport Forest
+from bfrt.tree.walk cimport Piece, Range
 from bfrt.treelets.node cimport Node
 
 cdef enum:
     TOGETHER = 128  # treelets that are looked at together
 
-# Where the parts of a treelet will be, in the memory of those that read them.
+# Which objects of a treelet are read, and where they will be, in the memory of those that read them.
 cdef struct Parts:
+    Range wanted
     int64_t records
     int64_t boxes
     int64_t ends
@@ -33,8 +32,8 @@ cdef class PieceReader:
 
     cdef int begin(self, const uint32_t* treelets, int64_t n) except -1 nogil
     cdef const Piece* glance(self, int k) noexcept nogil
-    cdef int read_objects(self, const uint8_t* wanted, int first) except -1 nogil
+    cdef int read_objects(self, const Range* wanted, int first) except -1 nogil
+    cdef bint add_ends(self, int k, Range wanted) noexcept nogil
+    cdef const uint32_t* ends_of(self, int k, uint32_t* before) noexcept nogil
+    cdef int add_objects(self, int k, Range wanted) except -1 nogil
     cdef const Piece* whole(self, int k) noexcept nogil
-    cdef int64_t add_ends(self, const TreeStream* s, const Treelet* t) noexcept nogil
-    cdef int add_objects(self, int k) except -1 nogil
-    cdef const uint32_t* ends_of(self, int k) noexcept nogil

@@ -11,7 +11,7 @@ a fifth of the bytes.
 """
 
 cimport cython
-from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box
 from bfrt.records cimport BOX_BYTES, INDEX_BITS, NODE_BYTES, OFFSET_BYTES, Treelet
@@ -22,7 +22,7 @@ from bfrt.tree.forest cimport (
     Forest, TreeStream, keep_nodes, kept_nodes, stream_at, treelet_at,
 )
 from bfrt.tree.reading cimport check_ends, check_nodes
-from bfrt.tree.walk cimport Piece
+from bfrt.tree.walk cimport Piece, Range
 from bfrt.treelets.node cimport Node
 
 #: Bytes of a worker's memory for the parts of treelets; more where a treelet is larger.
@@ -100,83 +100,95 @@ cdef class PieceReader:
         cdef const TreeStream* s = stream_at(self.forest, self.treelets[k])
         cdef Piece* p = &self.piece
         p.kind, p.stride, p.frame, p.four = s.kind, s.stride, s.frame, s.four
-        p.first = s.number << INDEX_BITS | t.first
+        p.first, p.objects = s.number << INDEX_BITS | t.first, <uint32_t>t.count
         p.box, p.nodes = <const Box*>t, self.node[k]
-        p.records, p.boxes, p.ends, p.begin = NULL, NULL, NULL, 0
+        p.records, p.boxes, p.ends, p.begin, p.skipped = NULL, NULL, NULL, 0, 0
         return p
 
-    cdef int read_objects(self, const uint8_t* wanted, int first) except -1 nogil:
-        """Read the objects of those treelets of the batch that are wanted, from `first` on; return
-        the end of those for which there is room.
+    cdef int read_objects(self, const Range* wanted, int first) except -1 nogil:
+        """Read what is wanted of the objects of the batch's treelets, from `first` on; return the
+        end of those for which there is room.
         """
-        cdef int k, end, last
+        cdef int k, end = self.count, last = first
         self.ends.clear()
         self.boxes.clear()
         self.records.clear()
-        end = self.count
         for k in range(first, end):
-            if wanted[k]:
-                self.parts[k].ends = self.add_ends(
-                    stream_at(self.forest, self.treelets[k]),
-                    treelet_at(self.forest, self.treelets[k]),
-                )
-                if self.parts[k].ends < 0:
-                    end = k
-                    break
+            if wanted[k].end and not self.add_ends(k, wanted[k]):
+                end = k
+                break
         self.ends.read()
-        last = first
         for k in range(first, end):
-            if wanted[k] and not self.add_objects(k):
+            if wanted[k].end and not self.add_objects(k, wanted[k]):
                 break
             last = k + 1
         self.boxes.read()
         self.records.read()
         return last
 
-    cdef int64_t add_ends(self, const TreeStream* s, const Treelet* t) noexcept nogil:
-        """Have the ends of a treelet's records read, and of those before: -1 for no room."""
-        cdef uint64_t before = t.first > 0
-        if not s.counted:
-            return 0
-        return self.ends.add(
-            <SharedFile>s.end_file, (t.first - before) * OFFSET_BYTES,
-            (t.count + before) * OFFSET_BYTES,
-        )
-
-    cdef const uint32_t* ends_of(self, int k) noexcept nogil:
-        """Return the ends of the records of a treelet's objects, which have been read."""
-        cdef const Treelet* t = treelet_at(self.forest, self.treelets[k])
-        return <const uint32_t*>(self.ends.memory + self.parts[k].ends) + (t.first > 0)
-
-    cdef int add_objects(self, int k) except -1 nogil:
-        """Have the objects of a treelet read; false if there is no room for them."""
-        cdef const Treelet* t = treelet_at(self.forest, self.treelets[k])
+    cdef bint add_ends(self, int k, Range wanted) noexcept nogil:
+        """Have the ends of objects' records read, and those of the objects before; false if there
+        is no room for them.
+        """
         cdef const TreeStream* s = stream_at(self.forest, self.treelets[k])
+        cdef int64_t begin = treelet_at(self.forest, self.treelets[k]).first + wanted.begin
+        cdef int64_t before = begin > 0
+        self.parts[k].wanted = wanted
+        if not s.counted:
+            return True
+        self.parts[k].ends = self.ends.add(
+            <SharedFile>s.end_file, (begin - before) * OFFSET_BYTES,
+            (wanted.end - wanted.begin + before) * OFFSET_BYTES,
+        )
+        return self.parts[k].ends >= 0
+
+    cdef const uint32_t* ends_of(self, int k, uint32_t* before) noexcept nogil:
+        """Return the ends of the records of those objects of a treelet that have been read, and
+        where those of the objects before end.
+        """
+        cdef const Parts* parts = &self.parts[k]
+        cdef const uint32_t* ends = <const uint32_t*>(self.ends.memory + parts.ends)
+        if treelet_at(self.forest, self.treelets[k]).first + parts.wanted.begin == 0:
+            before[0] = 0
+            return ends
+        before[0] = ends[0]
+        return ends + 1
+
+    cdef int add_objects(self, int k, Range wanted) except -1 nogil:
+        """Have objects of a treelet read; 0 if there is no room for them."""
+        cdef const TreeStream* s = stream_at(self.forest, self.treelets[k])
+        cdef uint64_t first = treelet_at(self.forest, self.treelets[k]).first + wanted.begin
+        cdef uint64_t count = wanted.end - wanted.begin
         cdef const uint32_t* ends
-        cdef uint64_t first = t.first, count = t.count
+        cdef uint32_t before
         if s.counted:
-            ends = self.ends_of(k)
-            first = (ends - 1)[0] if t.first > 0 else 0
-            check_ends(ends, t.count, <uint32_t>first, records_of(s), <SharedFile>s.end_file)
-            count = ends[t.count - 1] - first
             self.parts[k].boxes = self.boxes.add(
-                <SharedFile>s.box_file, t.first * BOX_BYTES, t.count * BOX_BYTES
+                <SharedFile>s.box_file, first * BOX_BYTES, count * BOX_BYTES
             )
             if self.parts[k].boxes < 0:
-                return False
+                return 0
+            ends = self.ends_of(k, &before)
+            check_ends(ends, count, before, records_of(s), <SharedFile>s.end_file)
+            first, count = before, ends[count - 1] - before
         self.parts[k].records = self.records.add(
             <SharedFile>s.record_file, first * s.stride, count * s.stride
         )
         return self.parts[k].records >= 0
 
     cdef const Piece* whole(self, int k) noexcept nogil:
-        """Give a treelet of the batch whose objects have been read."""
+        """Give a treelet of the batch of whose objects the wanted have been read.
+
+        Its records begin, as far as the walk sees, where those of its first object would be.
+        """
         cdef const TreeStream* s = stream_at(self.forest, self.treelets[k])
+        cdef const Parts* parts = &self.parts[k]
         cdef Piece* p = &self.piece
         self.glance(k)
-        p.records = self.records.memory + self.parts[k].records
+        p.records = self.records.memory + parts.records
         if s.counted:
-            p.boxes = <const Box*>(self.boxes.memory + self.parts[k].boxes)
-            p.ends = self.ends_of(k)
-            p.begin = (p.ends - 1)[0] if treelet_at(self.forest, self.treelets[k]).first > 0 else 0
+            p.boxes = <const Box*>(self.boxes.memory + parts.boxes) - parts.wanted.begin
+            p.ends = self.ends_of(k, &p.begin) - parts.wanted.begin
+            p.skipped = parts.wanted.begin
+        else:
+            p.records -= parts.wanted.begin * s.stride
         return p

@@ -20,7 +20,7 @@ from bfrt.tree.forest cimport Forest
 from bfrt.tree.pieces cimport TOGETHER, PieceReader
 from bfrt.tree.sight cimport heading_of
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, entry_of, next_treelets
-from bfrt.tree.walk cimport Piece, Search, aim, meets_leaf, walk_treelet
+from bfrt.tree.walk cimport Piece, Range, Search, aim, look_for_leaves, walk_treelet
 
 from bfrt.records import HIT_BYTES
 
@@ -31,7 +31,7 @@ RETIRED_BYTES = RAYS_AT_ONCE * HIT_BYTES
 cdef enum:
     NO_TREELET = 0xFFFFFFFF
     SOON = 4    # rays of a treelet: so long before it is looked at, each is fetched
-    MANY_RAYS = 32  # of a treelet: one of them meets a leaf
+    MANY_RAYS = 32  # of a treelet: they come to most of it
 
 # What becomes of `state`: whether a ray has a sentinel, or begins at the first treelet.
 cdef enum:
@@ -281,33 +281,36 @@ cdef class TreeIntersector:
     cdef int meet_some(self, TreeRays rays, const uint32_t[::1] found, const uint32_t* treelets,
                        const int64_t* starts, int64_t most) except -1 nogil:
         """Test rays against the first of `most` treelets; return how many there was room for."""
-        cdef uint8_t wanted[TOGETHER]
+        cdef Range wanted[TOGETHER]
         cdef int count = self.pieces.begin(treelets, most), k, end, first = 0
         for k in range(count):
-            wanted[k] = self.any_leaf(self.pieces.glance(k), rays, found, starts[k], starts[k + 1])
+            wanted[k] = self.look_ahead(
+                self.pieces.glance(k), rays, found, starts[k], starts[k + 1]
+            )
         while first < count:
             end = self.pieces.read_objects(wanted, first)
             for k in range(first, end):
-                if wanted[k]:
+                if wanted[k].end:
                     self.go_down(self.pieces.whole(k), rays, found, starts[k], starts[k + 1])
             first = end
         return count
 
-    cdef bint any_leaf(self, const Piece* p, TreeRays rays, const uint32_t[::1] found,
-                       int64_t first, int64_t end) noexcept nogil:
-        """Tell whether any of some rays meets a leaf of a treelet; of many one does."""
+    cdef Range look_ahead(self, const Piece* p, TreeRays rays, const uint32_t[::1] found,
+                          int64_t first, int64_t end) noexcept nogil:
+        """Return what objects of a treelet some rays may come to: all where rays are many."""
+        cdef Range wide
         cdef int64_t i
         cdef Ray* r
-        if end - first > MANY_RAYS:
-            return True
+        wide.begin, wide.end = 0, p.objects if end - first > MANY_RAYS else 0
+        if wide.end:
+            return wide
         for i in range(first, end):
             prefetch_ray(&rays.rays[found[min(i + SOON, end - 1)]])
             r = &rays.rays[found[i]]
             if r.t >= 0.0:
                 head_for(&self.search, r, self.forest)
-                if meets_leaf(p, &self.search):
-                    return True
-        return False
+                look_for_leaves(p, &self.search, &wide)
+        return wide
 
     cdef int go_down(self, const Piece* p, TreeRays rays, const uint32_t[::1] found,
                      int64_t first, int64_t end) except -1 nogil:

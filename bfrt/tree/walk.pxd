@@ -41,8 +41,10 @@ cdef struct Piece:
     const unsigned char* records
     const Box* boxes        # of the objects, NULL where each has one record, of which it is made
     const uint32_t* ends    # NULL where each object has one record
-    uint32_t begin          # where the first begins, by that count
+    uint32_t begin          # where the first of those that are there begins, by that count
+    uint32_t skipped        # how many before that are not there
     uint64_t first          # the id of the first object
+    uint32_t objects
 
 # A ray on its way down: its line, and the nearest hit so far.
 cdef struct Search:
@@ -108,7 +110,7 @@ cdef inline bint enters(const Box* box, const Search* s, BoxHit* m) noexcept nog
 cdef inline bint load_polygon(const Piece* p, uint32_t i, Search* s, Shape* shape,
                               BoxHit* m) noexcept nogil:
     """Load an object of several records, if the ray may meet it."""
-    cdef uint32_t begin = (p.ends[i - 1] if i > 0 else p.begin) - p.begin
+    cdef uint32_t begin = (p.ends[i - 1] if i > p.skipped else p.begin) - p.begin
     cdef uint32_t n = p.ends[i] - p.begin - begin
     cdef const unsigned char* record = p.records + begin * p.stride
     if not enters(&p.boxes[i], s, m) or shape_missed(
@@ -253,8 +255,35 @@ cdef inline int walk_treelet(const Piece* p, Search* s) except -1 nogil:
             return 0
 
 
-cdef inline bint meets_leaf(const Piece* p, Search* s) noexcept nogil:
-    """Tell whether a ray meets any leaf of a treelet, by its nodes alone."""
+# Objects of a treelet, from its first on.
+cdef struct Range:
+    uint32_t begin
+    uint32_t end
+
+
+cdef inline void widen(Range* wide, uint32_t begin, uint32_t end) noexcept nogil:
+    """Have a range hold another one too."""
+    if wide.end == 0:
+        wide.begin, wide.end = begin, end
+    else:
+        wide.begin, wide.end = min(wide.begin, begin), max(wide.end, end)
+
+
+cdef inline void widen_by_leaves(Range* wide, const Node* node, unsigned int met) noexcept nogil:
+    """Have a range hold the objects of leaves that are met."""
+    cdef uint64_t counts = leaf_counts(node)
+    cdef uint64_t before = objects_before(counts)
+    cdef uint32_t first
+    cdef int at
+    while met:
+        at = 8 * lowest_bit(met)
+        met &= met - 1
+        first = node.first + (before >> at & 0xFF)
+        widen(wide, first, first + (counts >> at & 0xFF))
+
+
+cdef inline void look_for_leaves(const Piece* p, Search* s, Range* wide) noexcept nogil:
+    """Have a range hold all objects that `walk_treelet` can come to, by a treelet's nodes alone."""
     cdef Sight sight = sight_of(&s.heading, p.box)
     cdef float reach = sight_reach(&sight, s.t)
     cdef float near[8]
@@ -265,8 +294,7 @@ cdef inline bint meets_leaf(const Piece* p, Search* s) noexcept nogil:
     while True:
         s.node_tests += 1
         met = s.spans(p.nodes + what, &sight, reach, near)
-        if met & ~<unsigned int>p.nodes[what].inner:
-            return True
+        widen_by_leaves(wide, p.nodes + what, met & ~<unsigned int>p.nodes[what].inner)
         wait_inner(p.nodes, what, met, near, &w)
         if not next_waiting(&w, reach, &what):
-            return False
+            return
