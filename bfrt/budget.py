@@ -206,7 +206,7 @@ def tree_capacities(store: Store, settings: Settings, held: HeldFrame, left: int
     """Divide what the frame leaves among treelets, rays and hits."""
     treelets = Forest.resident_bytes(store)
     resident = treelets <= RESIDENT_PART * left
-    kept = 0 if resident else int(KEPT_PART * left)
+    kept = 0 if resident else min(int(KEPT_PART * left), Forest.kept_bytes(store))
     left -= treelets if resident else kept
     rays = min(int(left * IN_FLIGHT_PART / IN_FLIGHT_BYTES), 1 << RAY_BITS)
     if resident:

@@ -51,6 +51,10 @@ class Assumptions:
         Treelets that a ray in a pass brings in, where there are few rays.
     seen : float
         Part of the treelets that are entered in a pass, where there are many.
+    tree_read : float
+        Part of a treelet that is read where rays come to it: its nodes, and the objects of leaves.
+    tree_read_rate : float
+        Bytes of those read a second, in pieces of some 10 KB.
     tree_rate : float
         Rays taken through all phases by treelets, a second and thread.
     order_rate : float
@@ -76,6 +80,8 @@ class Assumptions:
     tree_left: float = 0.04
     entered: float = 1.0
     seen: float = 0.5
+    tree_read: float = 0.4
+    tree_read_rate: float = 5e8
     tree_rate: float = 6e5
     order_rate: float = 2.5e6
 

@@ -50,12 +50,15 @@ class TreePlanner(Planner[TreeCapacities]):
             read = min(1.0, self._part(self.eye)) * whole
             most = float(whole)
         else:
-            streamed = max(0, whole - self.held.kept)
-            read = whole - streamed + self.bands * streamed * sum(map(self._part, active))
-            most = whole - streamed + passes * a.passes_off * streamed
+            once = min(self.held.kept, self.tree.nodes * NODE_BYTES)
+            streamed = whole - once
+            visits = self.bands * sum(map(self._part, active))
+            read = once + visits * a.tree_read * streamed
+            most = once + passes * a.passes_off * streamed
         shaded, most_shaded = self.shaded_bytes()
         rays = self.eye + self.others(self.likely)
-        seconds = (read + shaded) / a.read_rate + rays / (a.tree_rate * self.held.threads)
+        seconds = read / a.tree_read_rate + shaded / a.read_rate
+        seconds += rays / (a.tree_rate * self.held.threads)
         least = NODE_BYTES if self.tree.treelets else 0
         return PhasePlan(
             passes + self.bands * self.shading_passes(self.likely),

@@ -31,6 +31,7 @@ FORMS: dict[str, Callable[[TreeCapacities], TreeCapacities]] = {
     "resident": lambda held: replace(held, resident=True),
     "streamed": lambda held: replace(held, resident=False, kept=0),
     "streamed, some kept": lambda held: replace(held, resident=False, kept=5000),
+    "streamed past the cache": lambda held: replace(held, resident=False, kept=5000, cached=False),
     "resident, few rays": lambda held: replace(
         held, resident=True, rays=61, candidates=61, hits=7, queue=11
     ),

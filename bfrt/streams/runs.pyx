@@ -4,9 +4,9 @@
 
     pieces   |==|  |====|      |===|        added in the order in which they lie
     runs     |==========|      |===|        a short gap is read through
-    memory   |..........|.|....|...|        each from the begin of a page on
+    memory   |..........|.|....|...|        each from the begin of a block on
 
-Where a file is read past the system's cache (`SharedFile.direct`) pages have to be whole.
+Where a file is read past the system's cache (`SharedFile.direct`) blocks have to be whole.
 """
 
 cimport cython
@@ -95,16 +95,16 @@ cdef extern from *:
     ssize_t pread(int fd, void* buffer, size_t n, int64_t offset) noexcept nogil
 
 cdef enum:
-    PAGE = 4096
+    BLOCK = 4096    # what is read past the cache begins and ends at multiples of so many bytes
     GAP = 12 << 10  # bytes that are read through: where many runs are under way, one costs as much
 
 
-cdef inline int64_t page_of(int64_t n) noexcept nogil:
-    return n & -PAGE
+cdef inline int64_t block_of(int64_t n) noexcept nogil:
+    return n & -BLOCK
 
 
-cdef inline int64_t pages_up(int64_t n) noexcept nogil:
-    return (n + PAGE - 1) & -PAGE
+cdef inline int64_t blocks_up(int64_t n) noexcept nogil:
+    return (n + BLOCK - 1) & -BLOCK
 
 
 @cython.final
@@ -114,16 +114,15 @@ cdef class RunReader:
     Parameters
     ----------
     capacity : int
-        Bytes, rounded up to pages. A piece of n bytes may take `RunReader.room(n)`.
+        Bytes, rounded up to blocks. A piece of n bytes may take `RunReader.room(n)`.
     """
 
     def __cinit__(self, int64_t capacity):
-        self.capacity = pages_up(capacity)
-        self.block = <unsigned char*>PyMem_RawMalloc(self.capacity + PAGE)
+        self.capacity = blocks_up(capacity)
+        self.block = <unsigned char*>PyMem_RawMalloc(self.capacity + BLOCK)
         if self.block == NULL:
             raise MemoryError(f"{capacity} bytes to read to")
-        self.memory = <unsigned char*>pages_up(<uintptr_t>self.block)
-        self.queue = queue_of(MOST_RUNS)
+        self.memory = <unsigned char*>blocks_up(<uintptr_t>self.block)
 
     def __dealloc__(self):
         end_queue(self.queue)
@@ -132,7 +131,34 @@ cdef class RunReader:
     @staticmethod
     def room(int64_t n):
         """Return the bytes that a piece of n bytes takes at the most, wherever it lies."""
-        return pages_up(n) + 2 * PAGE
+        return blocks_up(n) + 2 * BLOCK
+
+    def take(self, pieces):
+        """Read pieces of files; return the bytes of as many as there is room for.
+
+        Parameters
+        ----------
+        pieces : list of (SharedFile, int, int)
+            Files, where in them a piece begins, and its bytes.
+
+        Raises
+        ------
+        ShortReadError
+            If a file ends before its piece does.
+        StreamError
+            As the system refuses.
+        """
+        cdef list places = []
+        cdef int64_t at
+        self.clear()
+        for file, begin, n in pieces:
+            at = self.add(file, begin, n)
+            if at < 0:
+                break
+            places.append((at, n))
+        with nogil:
+            self.read()
+        return [bytes(self.memory[at:at + n]) for at, n in places]
 
     cdef void clear(self) noexcept nogil:
         """Begin with nothing."""
@@ -143,19 +169,19 @@ cdef class RunReader:
         """Add a piece; return where in memory it will be, or -1 if there is no room for it."""
         cdef Run* run = &self.runs[self.count - 1]
         cdef int64_t end = begin + n
-        cdef int64_t first = page_of(begin)
+        cdef int64_t first = block_of(begin)
         if self.count and run.file == <void*>file and run.begin <= begin <= run.end + GAP:
-            if run.at + pages_up(max(end, run.end)) - run.begin > self.capacity:
+            if run.at + blocks_up(max(end, run.end)) - run.begin > self.capacity:
                 return -1
             run.end = max(end, run.end)
-            self.used = run.at + pages_up(run.end) - run.begin
+            self.used = run.at + blocks_up(run.end) - run.begin
             return run.at + begin - run.begin
-        if self.count == MOST_RUNS or self.used + pages_up(end) - first > self.capacity:
+        if self.count == MOST_RUNS or self.used + blocks_up(end) - first > self.capacity:
             return -1
         run += 1
         run.file, run.begin, run.end, run.at = <void*>file, first, end, self.used
         self.count += 1
-        self.used += pages_up(end) - first
+        self.used += blocks_up(end) - first
         return run.at + begin - first
 
     cdef int read(self) except -1 nogil:
@@ -171,9 +197,20 @@ cdef class RunReader:
             run = &self.runs[k]
             run.done = 0
             if self.count > 1:
-                self.under_way += begin_run(
-                    <SharedFile>run.file, run, self.memory, self.queue, k
-                )
+                self.under_way += self.begin_run(<SharedFile>run.file, k)
+
+    cdef bint begin_run(self, SharedFile file, int k) noexcept nogil:
+        """Have the system begin to read a run; false if that is for `read_rest`."""
+        cdef Run* run = &self.runs[k]
+        if not file.direct:
+            prefetch_bytes(file, run.begin, run.end - run.begin)
+            return False
+        if not self.asked:
+            self.queue, self.asked = queue_of(MOST_RUNS), True
+        return self.queue != 0 and submit(
+            self.queue, file.prefetch_fd, self.memory + run.at, blocks_up(run.end) - run.begin,
+            run.begin, k,
+        )
 
     cdef int finish(self) except -1 nogil:
         """Wait until they are read."""
@@ -189,22 +226,10 @@ cdef class RunReader:
         return 0
 
 
-cdef inline bint begin_run(SharedFile file, const Run* run, unsigned char* memory,
-                           unsigned long queue, int which) noexcept nogil:
-    """Have the system begin to read a run; false if that is for `read_rest`."""
-    if file.direct:
-        return queue != 0 and submit(
-            queue, file.prefetch_fd, memory + run.at, pages_up(run.end) - run.begin, run.begin,
-            which,
-        )
-    prefetch_bytes(file, run.begin, run.end - run.begin)
-    return False
-
-
 cdef int read_rest(SharedFile file, const Run* run, unsigned char* memory) except -1 nogil:
     """Read what is missing of a run."""
     cdef int64_t n = run.end - run.begin, done = run.done
-    cdef int64_t whole = pages_up(n) if file.direct else n
+    cdef int64_t whole = blocks_up(n) if file.direct else n
     cdef ssize_t got
     atomic_add(&file.seeks, file.last_end != run.begin)
     while done < n:
@@ -214,11 +239,11 @@ cdef int read_rest(SharedFile file, const Run* run, unsigned char* memory) excep
         elif got == 0:
             with gil:
                 raise ShortReadError(file.path, run.begin + done, n - done, 0)
-        elif errno == EINVAL and file.direct:   # as after a read that ended within a page
+        elif errno == EINVAL and file.direct:   # as after a read that ended within a block
             through_the_cache(file)
         elif errno != EINTR:
             with gil:
                 raise StreamError(file.path, run.begin + done, errno, "reading")
-    file.last_end = pages_up(run.end)
+    file.last_end = blocks_up(run.end)
     atomic_add(&file.bytes_read, n)
     return 0

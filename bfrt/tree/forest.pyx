@@ -208,6 +208,11 @@ cdef class Forest:
             for stream in store.streams for name in PARTS if name in stream.files
         )
 
+    @staticmethod
+    def kept_bytes(store):
+        """Return the bytes of all nodes that may be kept where treelets stream."""
+        return sum((stream.nodes + stream.treelets) * NODE_BYTES for stream in store.streams)
+
     def counts(self):
         """Return the bytes read, the seeks and the treelets read since the last call."""
         counts = [file.counts() for file in self.files]

@@ -1,4 +1,4 @@
-"""Treelets that are read as rays come to them: a worker's memory for some that follow each other."""
+"""Treelets that are read as rays come to them: a worker's memory for some that are together."""
 
 from libc.stdint cimport int64_t, uint32_t
 
@@ -10,7 +10,7 @@ from bfrt.treelets.node cimport Node
 cdef enum:
     TOGETHER = 128  # treelets that are looked at together
 
-# Which objects of a treelet are read, and where they will be, in the memory of those that read them.
+# Which objects of a treelet are read, and where the parts of these come to in memory.
 cdef struct Parts:
     Range wanted
     int64_t records

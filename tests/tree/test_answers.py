@@ -28,6 +28,7 @@ WAYS = [
     ("resident, few rays", 2, False),
     ("streamed", 1, True),
     ("streamed", 2, False),
+    ("streamed past the cache", 2, False),
     ("streamed, few rays", 3, False),
 ]
 

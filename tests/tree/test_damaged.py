@@ -87,7 +87,7 @@ def survives(store, rays, form):
 def test_any_damage_is_survived(damaged, seed):
     store, *rays = damaged
     damage(np.random.default_rng([62, seed]), store)
-    for form in ("resident", "streamed"):
+    for form in ("resident", "streamed", "streamed past the cache"):
         survives(store, rays, form)
 
 
@@ -139,7 +139,7 @@ def empty_treelets(treelets):
     [without_objects, without_nodes, overlapping, beyond, wrapped, turned, unbounded,
      empty_treelets],
 )  # fmt: skip
-@pytest.mark.parametrize("form", ["resident", "streamed"])
+@pytest.mark.parametrize("form", ["resident", "streamed", "streamed past the cache"])
 def test_a_table_of_treelets_that_lies_is_refused(damaged, change, form):
     store, *rays = damaged
     rewritten(store, "treelets", change)
@@ -176,7 +176,7 @@ def other_leaves(nodes):
     "change", [in_a_circle, beside, first_beyond, larger_leaves, no_leaves, other_leaves]
 )
 @pytest.mark.parametrize("kind", [Kind.TRIANGLE, Kind.POLYGON], ids=["triangles", "polygons"])
-@pytest.mark.parametrize("form", ["resident", "streamed"])
+@pytest.mark.parametrize("form", ["resident", "streamed", "streamed past the cache"])
 def test_nodes_that_are_no_tree_are_refused(damaged, change, kind, form):
     store, *rays = damaged
     rewritten(store, "nodes", change, kind)
@@ -185,7 +185,7 @@ def test_nodes_that_are_no_tree_are_refused(damaged, change, kind, form):
     survives(store, rays, form)
 
 
-@pytest.mark.parametrize("form", ["resident", "streamed"])
+@pytest.mark.parametrize("form", ["resident", "streamed", "streamed past the cache"])
 def test_a_tree_of_too_many_levels_is_refused(tmp_path, form):
     """A chain of nodes with one child each."""
     with bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
@@ -211,7 +211,7 @@ def test_ends_of_polygons_that_descend_are_refused(damaged):
         ends[20:60] = ends[20:60][::-1].copy()
 
     rewritten(store, "offsets", descending)
-    for form in ("resident", "streamed"):
+    for form in ("resident", "streamed", "streamed past the cache"):
         with pytest.raises(StoreError, match="found an end at vertex"):
             formed(store, form).cast_rays(*rays, refine="tree")
 
@@ -258,7 +258,7 @@ def test_a_read_that_fails_is_one_error_and_the_next_query_works(damaged, part, 
         same(expected, answers(scene, *rays, threads=threads))
 
 
-@pytest.mark.parametrize("form", ["resident", "streamed"])
+@pytest.mark.parametrize("form", ["resident", "streamed", "streamed past the cache"])
 def test_a_system_that_refuses_reads(damaged, form, monkeypatch):
     """Linux fails reads of the first page of a process's memory with EIO."""
     store, *rays = damaged

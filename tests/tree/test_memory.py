@@ -128,7 +128,7 @@ def test_a_treelet_fills_the_memory_of_its_reader(stores):
                 assert stream.treelet_bytes == sizes.max()
 
 
-def test_what_is_kept_is_not_read_again(tmp_path):
+def test_nodes_that_are_kept_are_not_read_again(tmp_path):
     rng = np.random.default_rng(8)
     turn = np.linspace(0, 2 * np.pi, 7, endpoint=False)
     outline = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) * 0.05
@@ -138,15 +138,15 @@ def test_what_is_kept_is_not_read_again(tmp_path):
         writer.polygons(corners.reshape(-1, 3), np.full(3000, 7))
     rays = rng.uniform(-1, 2, (2000, 3)), rng.normal(size=(2000, 3))
     read, found = {}, {}
-    for kept in (0, 100_000, 1 << 24):
+    for kept in (0, 10_000, 1 << 24):
         form = partial(replace, resident=False, kept=kept)
         with dividing(bfrt.open(tmp_path / "a"), form) as scene:
-            for _ in range(2):
+            for _ in range(6):  # once roots are known rays look farther at once
                 found[kept] = scene.cast_rays(*rays, refine="tree")
                 read[kept] = found[kept].stats.total.treelets_read
         for key, values in found[0].items():
             np.testing.assert_array_equal(values, found[kept][key])
-    assert read[0] > read[100_000] > read[1 << 24] == 0
+    assert read[0] > read[10_000] > read[1 << 24] == 0
 
 
 def test_more_memory_makes_them_stay(stores):
