@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
 from bfrt.formats.column_contents import rows_of_columns
-from bfrt.formats.columns import POSITION, ColumnPoints, combined
+from bfrt.formats.columns import POSITION, ColumnPoints, combined, refuse_repeated
 from bfrt.formats.contents import Row
 from bfrt.formats.lines._lines import MOST_COLUMNS
 from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, Place, is_number
@@ -215,6 +215,7 @@ class Atoms:
         self._table = LineTable(source, frame.head, behind=ITEM)
         there = [three for three in (*PLAIN, *SCALED) if set(three) <= set(frame.head.names)]
         self._from: Sequence[str] = there[0] if there else ()
+        refuse_repeated(self.name, frame.head.names, self._from)
         own = [name for name in frame.head.names if not there or name not in POSITION]
         self.names: Sequence[str] = Names((*(POSITION if there else ()), *own))
 

@@ -24,6 +24,9 @@ from bfrt.formats.source import Source
 PACKED_COLORS = ("rgb", "rgba")
 SHIFTS = dict(zip(COLORS, (16, 8, 0), strict=True))
 
+#: The name of fields that are room and nothing else.
+PADDING = "_"
+
 #: What is before packed columns: their bytes, and those that they become.
 SIZES = struct.Struct("<II")
 
@@ -38,13 +41,14 @@ class PcdTable:
         self._source = source
         self._header = header
         self._start = header.start + (0 if header.layout == "ascii" else len(source.mark))
-        single = [field for field in header.fields if field.numbers == 1]
+        single = [f for f in header.fields if f.numbers == 1 and f.name != PADDING]
         self._fields: dict[str, Field] = {field.name: field for field in reversed(single)}
         self._color: Field | None = next(
             (f for n in PACKED_COLORS if (f := self._fields.get(n)) and f.dtype.itemsize == 4), None
         )
         packed = COLORS if self._color is not None else ()
-        self.names: Sequence[str] = [*dict.fromkeys((*(f.name for f in single), *packed))]
+        own = [field.name for field in single]
+        self.names: Sequence[str] = [*own, *(name for name in packed if name not in own)]
         places = [self._fields[axis].dtype for axis in "xyz" if axis in self._fields]
         narrow = all(np.can_cast(dtype, np.float32) for dtype in places)
         self.dtype = np.dtype("f4" if narrow else "f8")
