@@ -45,7 +45,7 @@ def openpmd_in(file: str, arrays: Arrays, attributes: Attributes) -> Layout | No
         If its paths are no text.
     """
     root = attributes("", MARK, BASE, PARTICLES) or {}
-    if MARK not in root:
+    if MARK not in root or PARTICLES not in root:  # there may be meshes alone
         return None
     base, particles = (path_of(file, root, name) for name in (BASE, PARTICLES))
     whole = within(base, particles)

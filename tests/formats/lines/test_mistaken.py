@@ -1,4 +1,4 @@
-"""What is called points of text and is none, or says its columns in other ways: told as what it is."""
+"""What is called points of text and is none, or names columns otherwise: told as what it is."""
 
 from __future__ import annotations
 
