@@ -1,8 +1,8 @@
 """Gaussian splats in a PLY file: opaque spheres at their centers.
 
 A splat is an ellipsoid that fades; its sphere has the volume of that at one standard deviation, or
-of a flat one, which has two lengths, the area. Its color is that of the harmonics' constant part, the
-same from all sides.
+of a flat one, which has two lengths, the area. Its color is that of the harmonics' constant part,
+the same from all sides.
 """
 
 from __future__ import annotations
