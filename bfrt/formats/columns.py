@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats.object_writer import cast
+from bfrt.formats.casting import cast
 from bfrt.formats.points import PointBlock
 from bfrt.formats.reading import COLORS, RGB, Reading
 from bfrt.formats.source import printable

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
+from bfrt.formats.casting import cast
 from bfrt.formats.layouts.steps import Attributes, Layout, numbered
 from bfrt.formats.naming import folder_of, within
 from bfrt.formats.table import Array, Arrays, wrong
@@ -145,12 +146,12 @@ class Component:
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
         """Yield all rows, `rows` at a time."""
-        scaled = (block * np.float64(self._unit) for block in self._array.blocks(rows))
+        scaled = (cast(block, np.float64) * self._unit for block in self._array.blocks(rows))
         if self._offset is None:
             yield from scaled
             return
         for block, offset in zip(scaled, self._offset.blocks(rows), strict=True):
-            yield block + offset * np.float64(self._offset_unit)
+            yield block + cast(offset, np.float64) * self._offset_unit
 
     def shallow(self) -> Component:
         """Return the array with one dimension less."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
 from bfrt.formats.arrays import BLOCK_BYTES
+from bfrt.formats.casting import cast
 from bfrt.formats.colors import FULL_8, full_of
 from bfrt.formats.lines.head import BLANK, Head
 from bfrt.formats.lines.table import LineTable
@@ -86,7 +87,7 @@ class PcdTable:
         """Return a column: a field, or a part of the colors that are packed in one."""
         column = block[field.name]
         if name == field.name:
-            return column.astype(np.float64)
+            return cast(column, np.float64)
         bits = np.ascontiguousarray(column).view(np.uint32)
         parts: NDArray[Any] = (bits >> SHIFTS[name] & 255).astype(np.float64)
         return parts

@@ -8,9 +8,10 @@ from typing import Any
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.casting import cast
 from bfrt.formats.columns import POSITION
 from bfrt.formats.mesh import Faces, write_mesh
-from bfrt.formats.object_writer import ObjectWriter, SceneSink, cast
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
 from bfrt.formats.ply.splats import Splats, are_splats, colored, refuse_packed

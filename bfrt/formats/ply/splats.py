@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.casting import cast
 from bfrt.formats.columns import POSITION
-from bfrt.formats.object_writer import cast
 from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
 from bfrt.formats.points import PointBlock
@@ -109,7 +109,7 @@ class Splats:
         """
         done = 0
         for block in self._ply.columns(self._vertex, (OPACITY, *names)):
-            rows = block.astype(np.float64, copy=False)
+            rows = cast(block, np.float64)
             if self._opacity is not None:
                 wrong = np.isnan(rows[:, 0])
                 if wrong.any() and not self._skip:
