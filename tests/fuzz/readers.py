@@ -101,7 +101,7 @@ def ply(_: Path) -> Harness:
             ply_files.points(layout, colored, [[1, 2, 3, 0.5]] * 4),
         )
     ]
-    seeds += [splats("<f4"), splats("<f4", flat=True)]
+    seeds += [ply_files.splats(5), ply_files.splats(5, flat=True)]
     words = (
         "ply\nformat ascii 1.0\n|format binary_little_endian 1.0\n|element |element face 3\n|"
         "element vertex 7\n|property list uchar int vertex_indices\n|property float x\n|list |"
@@ -110,17 +110,6 @@ def ply(_: Path) -> Harness:
     )
     tokens = tuple(word.encode() for word in words.split("|"))
     return of_bytes(seeds, tokens, converting("a.ply", (*MESH, {"opacity": 0.5})))
-
-
-def splats(kind: str, *, flat: bool = False) -> bytes:
-    """Gaussian splats, of two lengths where they are flat."""
-    names = [*"xyz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"]
-    made = np.zeros(5, [(name, kind) for name in names[: -1 if flat else None]])
-    for k, name in enumerate(made.dtype.names or ()):
-        made[name] = np.sin(np.arange(5) + k)
-    head = "ply\nformat binary_little_endian 1.0\nelement vertex 5\n"
-    head += "".join(f"property float {name}\n" for name in made.dtype.names or ())
-    return (head + "end_header\n").encode() + made.tobytes()
 
 
 def stl(_: Path) -> Harness:

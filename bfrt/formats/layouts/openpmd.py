@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from bfrt.errors import SceneError
 from bfrt.formats.casting import cast
 from bfrt.formats.layouts.steps import Attributes, Layout, numbered
 from bfrt.formats.naming import folder_of, within
-from bfrt.formats.table import Array, Arrays, wrong
+from bfrt.formats.table import Array, Arrays, Listed, wrong
 
 #: Attributes of a file's root, and of a record component.
 MARK, BASE, PARTICLES = "openPMD", "basePath", "particlesPath"
@@ -65,21 +65,13 @@ def path_of(file: str, root: dict[str, Any], name: str) -> str:
     return found.strip("/")
 
 
-class Components(Mapping[str, Array]):
+class Components(Listed):
     """Maps paths to arrays, each record component in SI units."""
 
     def __init__(self, arrays: Arrays, attributes: Attributes) -> None:
+        super().__init__(arrays)
         self._arrays = arrays
         self._attributes = attributes
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._arrays)
-
-    def __len__(self) -> int:
-        return len(self._arrays)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._arrays
 
     def __getitem__(self, name: str) -> Array:
         array = self._arrays[name]
