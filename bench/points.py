@@ -1,8 +1,8 @@
-"""Points of text and of scans, of any number, converted under a cap: seconds, MB/s, peak memory.
+"""Points of text, scans and openPMD, of any number, under a cap: seconds, MB/s, peak memory.
 
 ::
 
-    python bench/points.py --points 50000000 --formats xyz xyz.gz e57 pcd --memory 256MiB
+    python bench/points.py --points 50000000 --formats xyz xyz.gz e57 pcd h5 --memory 256MiB
 
 Each file is made here, block by block, and converted by a process of its own inside a memory cgroup
 of that size, with the file dropped from the page cache before. Needs root, for the cgroup. What is
@@ -101,11 +101,34 @@ def write_e57(path: Path, count: int) -> None:
     file.close()
 
 
+def write_openpmd(path: Path, count: int) -> None:
+    """Particles of openPMD: float32 places in cells of a meter, the cells, and colors."""
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"openPMD": "1.1.0", "basePath": "/data/%T/", "particlesPath": "p/"})
+        scan = file.create_group("data/0/p/scan")
+        names = [f"{record}/{axis}" for record in ("position", "positionOffset") for axis in "xyz"]
+        types = ["f4"] * 3 + ["i4"] * 3 + ["u1"] * 3
+        for name, dtype in zip([*names, "red", "green", "blue"], types, strict=True):
+            scan.create_dataset(name, (count,), dtype).attrs["unitSI"] = 1.0
+        done = 0
+        for places, colors in blocks(count):
+            rows = slice(done, done + len(places))
+            cells = np.floor(places)
+            for k, name in enumerate(names):
+                scan[name][rows] = (places - cells)[:, k] if k < 3 else cells[:, k - 3]
+            for k, name in enumerate(("red", "green", "blue")):
+                scan[name][rows] = colors[:, k]
+            done += len(places)
+
+
 WRITERS: dict[str, Callable[[Path, int], None]] = {
     "xyz": write_lines,
     "xyz.gz": write_lines,
     "pcd": write_pcd,
     "e57": write_e57,
+    "h5": write_openpmd,
 }
 
 

@@ -102,3 +102,14 @@ def rich(layout):
         ("face", corners, rows),
         ("last", [("a", "int")], [[1], [2]]),
     )
+
+
+def splats(count, *, flat=False):
+    """Gaussian splats, of two lengths where they are flat."""
+    names = [*"xyz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"]
+    made = np.zeros(count, [(name, "<f4") for name in names[: -1 if flat else None]])
+    for k, name in enumerate(made.dtype.names):
+        made[name] = np.sin(np.arange(count) + k)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n"
+    head += "".join(f"property float {name}\n" for name in made.dtype.names)
+    return (head + "end_header\n").encode() + made.tobytes()

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
+from bfrt.formats.casting import cast
 from bfrt.formats.colors import full_of
 from bfrt.formats.mesh import Faces, write_mesh
 from bfrt.formats.naming import (
@@ -91,7 +92,7 @@ def write_triangles(arrays: Arrays, key: str, writer: ObjectWriter) -> None:
         writer.paint_by(numbers(column))
     dtype = floats(triangles)
     for block, values in together(triangles, column):
-        writer.triangles(block.reshape(len(block), 9).astype(dtype, copy=False), values)
+        writer.triangles(cast(block.reshape(len(block), 9), dtype), values)
 
 
 class ArrayPoints:
@@ -129,7 +130,7 @@ class ArrayPoints:
     def blocks(self) -> Iterator[PointBlock]:
         dtype = floats(self._centers)
         for block, radii, values in together(self._centers, self._radii, self._values):
-            positions = block.astype(dtype, copy=False)
+            positions = cast(block, dtype)
             own = positions[:, 3] if self._has_radii else radii
             yield PointBlock(positions[:, :3], own, values)
 
@@ -186,7 +187,7 @@ class ArrayMesh:
         column = self._column if self._of_vertices else None
         for block, *more in together(self._vertices, self._normals, column):
             parts = (part.reshape(len(block), -1) for part in more if part is not None)
-            yield np.hstack([block, *parts]).astype(self.row, copy=False)
+            yield np.hstack([cast(part, self.row) for part in (block, *parts)])
 
     def face_blocks(self) -> Iterator[Faces]:
         beside = None if self._of_vertices else self._column
@@ -225,7 +226,9 @@ class Scaled:
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
         for block in self._array.blocks(rows):
-            yield (block / self._full).astype(np.float32)
+            with np.errstate(invalid="ignore"):  # of a NaN that signals
+                colors = (block / self._full).astype(np.float32)
+            yield colors
 
 
 def column_of(array: Array, *counts: int) -> Array:

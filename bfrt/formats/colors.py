@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.casting import cast
 from bfrt.formats.reading import RGB, Reading
 from bfrt.store.model import Material
 
@@ -142,7 +143,7 @@ class Painter:
     def _by_number(self, values: NDArray[Any]) -> NDArray[np.uint32]:
         span = self._hi - self._lo
         with np.errstate(all="ignore"):
-            above = values.astype(np.float64) - self._lo
+            above = cast(values, np.float64) - self._lo
             step = np.clip(above / span * STEPS if span > 0 else above * 0.0, 0, STEPS - 1)
         known = ~np.isnan(step)
         steps = np.where(known, step, STEPS).astype(np.int64)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats.object_writer import cast
+from bfrt.formats.casting import cast
 from bfrt.formats.points import PointBlock
 from bfrt.formats.reading import COLORS, RGB, Reading
 from bfrt.formats.source import printable
@@ -56,7 +56,7 @@ class ColumnPoints:
     SettingError
         If there is no column that a setting names.
     SceneError
-        If there are no positions.
+        If there are no positions, or several columns have the name of one that is wanted.
     """
 
     def __init__(self, table: Columns, reading: Reading) -> None:
@@ -74,6 +74,7 @@ class ColumnPoints:
                 raise SettingError(
                     f"{self.name}: found no column {name!r}, expected one of {listed(table.names)}"
                 )
+        refuse_repeated(self.name, table.names, (*POSITION, *self._radius, *self._asked))
         self.painted = bool(self._asked)
         self._full = table.full(self._asked) if len(self._asked) == 3 else 1.0
 
@@ -122,6 +123,21 @@ class ColumnPoints:
 
     def numbers(self) -> Iterator[NDArray[Any]]:
         return (self._values(block) for block in self._table.columns(self._asked))
+
+
+def refuse_repeated(file: str, names: Sequence[str], wanted: Sequence[str]) -> None:
+    """Refuse names that are wanted and that several columns have.
+
+    Raises
+    ------
+    SceneError
+    """
+    for name in wanted:
+        count = names.count(name)
+        if count > 1:
+            raise SceneError(
+                f"{file}: found {count} columns named {printable(name)}, expected one of that name"
+            )
 
 
 def combined(places: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:

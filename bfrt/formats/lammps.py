@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
 from bfrt.formats.column_contents import rows_of_columns
-from bfrt.formats.columns import POSITION, ColumnPoints, combined
+from bfrt.formats.columns import POSITION, ColumnPoints, combined, refuse_repeated
 from bfrt.formats.contents import Row
 from bfrt.formats.lines._lines import MOST_COLUMNS
-from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, Head, Place, is_number
+from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, LINE, Head, Place, is_number
 from bfrt.formats.lines.table import LineTable, Names
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import write_points
@@ -34,6 +34,9 @@ FRAME = b"ITEM: TIMESTEP"
 #: Names of coordinates that are in the box's lengths, wrapped into it and not.
 SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 PLAIN = (POSITION, ("xu", "yu", "zu"))
+
+#: The byte that ends a line, or begins what ends it.
+RETURN = ord("\r")
 
 #: Lines of a frame before its atoms, at the most.
 MOST_LINES = 64
@@ -86,16 +89,22 @@ def frames_of(source: Source) -> Iterator[Place]:
     """Yield the places where frames begin."""
     at, line = 0, 1
     for chunk in source.text(lines=True):
-        text = chunk[1:-1].tobytes()
-        done = begin = 0
+        text = chunk[:-1].tobytes()  # with the byte before
+        done = begin = 1
         while (begin := text.find(FRAME, begin)) >= 0:
-            if begin == 0 or text[begin - 1] in b"\r\n":
-                line += text.count(b"\n", done, begin)
+            if begin == 1 or text[begin - 1] in b"\r\n":
+                line += ends_in(text, done, begin)
                 done = begin
-                yield Place(at + begin, line)
+                yield Place(at + begin - 1, line)
             begin += len(FRAME)
-        line += text.count(b"\n", done)
-        at += len(text)
+        line += ends_in(text, done, len(text))
+        at += len(text) - 1
+
+
+def ends_in(text: bytes, begin: int, end: int) -> int:
+    """Count the ends of lines in a part of a text: LF, CR LF or CR."""
+    each = text.count(b"\n", begin, end) + text.count(b"\r", begin, end)
+    return each - text.count(b"\r\n", begin - 1, end)
 
 
 def lines_from(source: Source, place: Place) -> Iterator[tuple[bytes, Place]]:
@@ -103,9 +112,9 @@ def lines_from(source: Source, place: Place) -> Iterator[tuple[bytes, Place]]:
     at, line = place
     for chunk in source.text(at, lines=True):
         text = chunk[1:-1].tobytes()
-        begin = 0
+        begin = int(chunk[0] == RETURN and text.startswith(b"\n"))  # of a line that was yielded
         while begin < len(text):
-            end = text.find(b"\n", begin) + 1 or len(text)
+            end = LINE.match(text, begin).end()  # type: ignore[union-attr]  # of any text
             line += 1
             yield text[begin:end].strip(), Place(at + end, line)
             begin = end
@@ -179,7 +188,7 @@ def read_frame(source: Source, place: Place) -> Frame:
 def count_of(lines: Lines) -> int:
     words = lines.take()
     if len(words) != 1 or not words[0].isdigit() or len(words[0]) > COUNT_DIGITS:
-        raise lines.wrong("the number of atoms")
+        raise lines.wrong(f"the number of atoms, of {COUNT_DIGITS} digits or fewer")
     return int(words[0])
 
 
@@ -193,15 +202,24 @@ def box_of(lines: Lines, words: list[bytes]) -> tuple[NDArray[np.float64], NDArr
         rows = np.array([lines.numbers(4, "an edge of the box and its origin") for _ in range(3)])
         return rows[:, 3].copy(), rows[:, :3].copy()
     if words[:3] != [b"xy", b"xz", b"yz"]:
-        rows = np.array([lines.numbers(2, "two bounds of the box") for _ in range(3)])
+        rows = np.array([bounds_of(lines, 2) for _ in range(3)])
         return rows[:, 0].copy(), np.diag(rows[:, 1] - rows[:, 0])
-    rows = np.array([lines.numbers(3, "two bounds of the box and its tilt") for _ in range(3)])
+    rows = np.array([bounds_of(lines, 3) for _ in range(3)])
     xy, xz, yz = rows[:, 2]
     low = rows[:, 0] - [min(0.0, xy, xz, xy + xz), min(0.0, yz), 0.0]
     high = rows[:, 1] - [max(0.0, xy, xz, xy + xz), max(0.0, yz), 0.0]
     edges = np.diag(high - low)
     edges[1, 0], edges[2, 0], edges[2, 1] = xy, xz, yz
     return low, edges
+
+
+def bounds_of(lines: Lines, count: int) -> list[float]:
+    """Read a line of two bounds, and of the tilt where there is one."""
+    expected = "two bounds of the box, the lesser first" + (", and its tilt" if count == 3 else "")
+    found = lines.numbers(count, expected)
+    if found[0] > found[1]:
+        raise lines.wrong(expected)
+    return found
 
 
 class Atoms:
@@ -215,6 +233,7 @@ class Atoms:
         self._table = LineTable(source, frame.head, behind=ITEM)
         there = [three for three in (*PLAIN, *SCALED) if set(three) <= set(frame.head.names)]
         self._from: Sequence[str] = there[0] if there else ()
+        refuse_repeated(self.name, frame.head.names, self._from)
         own = [name for name in frame.head.names if not there or name not in POSITION]
         self.names: Sequence[str] = Names((*(POSITION if there else ()), *own))
 

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import BudgetError, SceneError
-from bfrt.formats.object_writer import ObjectWriter, cast
+from bfrt.formats.casting import cast
+from bfrt.formats.object_writer import ObjectWriter
 from bfrt.formats.reading import PAINTED, Reading
 from bfrt.formats.room import check_corners
 from bfrt.memory import format_memory

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
+from bfrt.formats.casting import cast
 from bfrt.formats.colors import Painter
 from bfrt.formats.reading import Reading
 from bfrt.formats.triangulation import Triangulation
@@ -285,12 +286,6 @@ class ObjectWriter:
                 self._painter.strange,
             )
         self._triangulation.report()
-
-
-def cast(numbers: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Convert numbers to another dtype, silently; what is too large becomes infinite."""
-    with np.errstate(over="ignore"):
-        return numbers.astype(dtype, copy=False)
 
 
 def all_finite(numbers: NDArray[Any]) -> bool:

@@ -1,7 +1,8 @@
 """OFF and COFF: meshes of text, a vertex or a face a line.
 
 Numbers are float64, for the text has no types. Colors are of vertices (COFF), else of faces.
-Normals (NOFF) are passed over.
+Normals (NOFF) and texture coordinates (STOFF) are passed over. Behind its place a vertex has what
+the word says: a normal before a color, but where the word is NCOFF, as MeshLab writes it, after.
 """
 
 from __future__ import annotations
@@ -32,9 +33,10 @@ log = logging.getLogger(__name__)
 #: Bytes in which the header has to end.
 HEADER_BYTES = 1 << 16
 
-#: The word that begins a file, and what of it is known: colors and normals.
-WORD = re.compile(rb"(?:ST)?C?N?4?n?OFF")
-KNOWN = (b"OFF", b"COFF", b"NOFF", b"CNOFF")
+#: The word that begins a file, of what there is, and of what is read.
+WORD = re.compile(rb"(?:ST)?C?N?4?n?OFF|N?C?(?:ST)?OFF")
+KNOWN = re.compile(rb"(?:ST)?C?N?OFF|N?C?(?:ST)?OFF")
+COLOR, NORMAL = b"C", b"N"
 
 #: A line without its comment, and its end.
 LINE = re.compile(rb"([^#\r\n]*)[^\r\n]*(?:\r\n|\r|\n|\Z)")
@@ -81,18 +83,26 @@ def read_header(source: Source) -> Header:
             word = words.pop(0)
             if not WORD.fullmatch(word):
                 raise SceneError(f"{where} OFF or COFF")
-            if word not in KNOWN or words[:1] == [b"BINARY"]:
-                raise SceneError(
-                    f"{where} text of three coordinates: {', '.join(k.decode() for k in KNOWN)}"
-                )
+            if not KNOWN.fullmatch(word):
+                raise SceneError(f"{where} OFF of three coordinates, without 4 or n")
+        if words[:1] == [b"BINARY"]:
+            raise SceneError(f"{where} OFF of text")
         if word and words:
             if not 2 <= len(words) <= 3 or not all(w.isdigit() and len(w) < 16 for w in words):
                 raise SceneError(f"{where} the numbers of vertices, faces and edges")
-            color_at = (6 if b"N" in word else 3) if b"C" in word else None
-            header = Header(color_at, int(words[0]), int(words[1]), Place(found.end(), number + 1))
+            header = Header(
+                color_at(word), int(words[0]), int(words[1]), Place(found.end(), number + 1)
+            )
             check_counts(source, header)
             return header
     raise SceneError(f"{source.name}: found no counts, expected OFF and the numbers of vertices")
+
+
+def color_at(word: bytes) -> int | None:
+    """Return the column of a vertex at which its color begins, by the word; None if it has none."""
+    if COLOR not in word:
+        return None
+    return 6 if NORMAL in word and word.index(COLOR) < word.index(NORMAL) else 3
 
 
 def check_counts(source: Source, header: Header) -> None:

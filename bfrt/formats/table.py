@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache, partial
 from typing import Any, Protocol
 
@@ -56,23 +56,38 @@ class Array(Rows, Protocol):
 Arrays = Mapping[str, Array]
 
 
-class Lazy(Mapping[str, Array]):
+class Listed(Mapping[str, Array]):
+    """Maps names to arrays, of which those of some names are listed.
+
+    What opens an array is left to others, which may know more names than they list.
+
+    Parameters
+    ----------
+    names : collection of str
+    """
+
+    def __init__(self, names: Collection[str]) -> None:
+        self._names = names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+
+class Lazy(Listed):
     """Maps names to arrays and opens each on demand: an array that nobody needs may be anything."""
 
     def __init__(self, openers: Mapping[str, Callable[[], Array]]) -> None:
+        super().__init__(openers)
         self._openers = openers
 
     def __getitem__(self, name: str) -> Array:
         return self._openers[name]()
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._openers
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._openers)
-
-    def __len__(self) -> int:
-        return len(self._openers)
 
 
 Path = tuple[str, ...]

@@ -14,12 +14,9 @@ from pathlib import Path
 from typing import NamedTuple
 from unittest import mock
 
-import array_files
 import numpy as np
-import obj_files
-import ply_files
-import stl_files
 from checkpoints import Killed, Stop
+from faults.conversions import CONVERSIONS, npy, obj, raster
 from injected import dividing
 
 import bfrt
@@ -44,54 +41,6 @@ class Work(NamedTuple):
 
 
 # --- conversions ---------------------------------------------------------------------------------
-
-
-def nff(folder: Path) -> None:
-    with (folder / "in" / "a.nff").open("w") as file:
-        bfrt.spd.rings(1).write_nff(file)
-
-
-def put(name: str, data: bytes | str, folder: Path) -> None:
-    (folder / "in" / name).write_bytes(data.encode() if isinstance(data, str) else data)
-
-
-def obj(folder: Path) -> None:
-    put("a.obj", obj_files.dressed("a.mtl", ["red one", "glass", "mirror"]), folder)
-    put("a.mtl", obj_files.LIBRARY, folder)
-
-
-def npy(folder: Path) -> None:
-    np.save(folder / "in" / "a.npy", array_files.CENTERS)
-
-
-def npz(folder: Path) -> None:
-    np.savez_compressed(
-        folder / "in" / "a.npz", centers=array_files.CENTERS, radii=array_files.RADII
-    )
-
-
-def hdf5(layout: str, folder: Path) -> None:
-    import hdf5_files
-
-    hdf5_files.write(folder / "in" / "a.h5", hdf5_files.snapshot(), layout)
-
-
-def virtual(folder: Path) -> None:
-    import hdf5_files
-
-    hdf5_files.virtual(folder / "in" / "a.h5")
-
-
-def las(name: str, folder: Path) -> None:
-    import las_files
-
-    las_files.write(folder / "in" / name)
-
-
-def raster(folder: Path) -> None:
-    import raster_files
-
-    raster_files.write(folder / "in" / "a.tif")
 
 
 def looking() -> Work:
@@ -330,26 +279,7 @@ BEYOND = {
 }  # fmt: skip
 
 WORKS: dict[str, Work] = {
-    "convert nff": converting(nff, "a.nff"),
-    "convert nff in the given order": converting(nff, "a.nff", order="given", durable=False),
-    "convert nff over a store": converting(nff, "a.nff", again=True),
-    "convert ply, text": converting(
-        partial(put, "a.ply", ply_files.mesh("ascii")), "a.ply", order="given"
-    ),
-    "convert ply": converting(
-        partial(put, "a.ply", ply_files.mesh("binary_little_endian")), "a.ply"
-    ),
-    "convert stl, text": converting(partial(put, "a.stl", stl_files.text()), "a.stl"),
-    "convert stl": converting(partial(put, "a.stl", stl_files.binary()), "a.stl"),
-    "convert obj": converting(obj, "a.obj"),
-    "convert npy": converting(npy, "a.npy", radius=0.1),
-    "convert npz": converting(npz, "a.npz", radius="radii"),
-    "convert hdf5": converting(partial(hdf5, "contiguous"), "a.h5", radius=0.1),
-    "convert hdf5, gzip": converting(partial(hdf5, "gzip"), "a.h5", radius=0.1),
-    "convert hdf5, virtual": converting(virtual, "a.h5", radius=0.1),
-    "convert las": converting(partial(las, "a.las"), "a.las", radius=0.1),
-    "convert laz": converting(partial(las, "a.laz"), "a.laz", radius=0.1),
-    "convert raster": converting(raster, "a.tif"),
+    **{name: converting(*asked, **how) for name, (asked, how) in CONVERSIONS.items()},
     "viewshed": looking(),
     "render by treelets": rendering("tree"),
     "render by treelets, spooled": rendering("tree", on_disk, ".png"),

@@ -128,6 +128,7 @@ def texts(draw):
     rng = random.Random(draw(st.integers(0, 1 << 30)))
     name = draw(st.sampled_from(list(TEXTS)))
     words = draw(st.text(st.characters(blacklist_categories=["Cs", "Cc", "Z"]), max_size=9))
+    words = words.rstrip("\\")  # before which a line would go on
     n = draw(st.integers(3, 9))
     rows = [" ".join(repr(rng.uniform(-9, 9)) for _ in range(3)) for _ in range(n)]
     faces = [[rng.randrange(n) for _ in range(rng.randint(3, 5))] for _ in range(3)]

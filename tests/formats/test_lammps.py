@@ -34,7 +34,7 @@ def centers(path, **asked):
     return np.array([shape[0][:3] for shape in shapes]).reshape(-1, 3)
 
 
-@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("suffix", ["lammpstrj", "dump"])
 def test_frames(tmp_path, suffix, end):
     path = tmp_path / f"a.{suffix}"
@@ -55,12 +55,13 @@ def test_frames(tmp_path, suffix, end):
     st.lists(st.integers(0, 20), min_size=1, max_size=6),
     st.integers(-6, 5),
     st.sampled_from([130, 300, 1 << 20]),
+    st.sampled_from(["\n", "\r\n", "\r"]),
 )
 @settings(max_examples=30)
-def test_frames_in_any_chunks(tmp_path_factory, counts, wanted, chunk):
+def test_frames_in_any_chunks(tmp_path_factory, counts, wanted, chunk, end):
     path = tmp_path_factory.getbasetemp() / "frames.dump"
     frames = [rows_of(n, k) for k, n in enumerate(counts)]
-    path.write_text("".join(map(frame, frames)))
+    path.write_text("".join(map(frame, frames)), newline=end)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(source_module, "CHUNK_BYTES", chunk)
         if -len(counts) <= wanted < len(counts):
@@ -126,8 +127,10 @@ def test_radii_and_colors(tmp_path):
         ("0 10\n", "0 ten\n", "line 6: found '0 ten', expected two bounds of the box"),
         ("0 10\n", "0 nan\n", "line 6: found '0 nan', expected two bounds of the box"),
         ("0 10\n", "0 1_0\n", "line 6: found '0 1_0', expected two bounds of the box"),
+        ("0 10\n", "10 0\n", "line 6: found '10 0', expected two bounds of the box, the lesser"),
         ("0 10\n", "", "line 8: found 'ITEM: ATOMS id type x y z', expected two bounds"),
         (" x y z", " x y w", "found columns id type x y w, expected x, y and z"),
+        (" x y z", " x y z y", "found 2 columns named y, expected one of that name"),
         (" x y z", "", "line 9: found 'ITEM: ATOMS id type', expected ITEM: NUMBER OF ATOMS and"),
         ("ITEM: NUMBER OF ATOMS\n2\n", "", "line 7: found 'ITEM: ATOMS id type x y z', expected"),
         ("ITEM: ATOMS", "ATOMS", "line 9: found 'ATOMS id type x y z', expected ITEM: and what"),
@@ -140,6 +143,14 @@ def test_bad_dumps(tmp_path, before, after, said):
     assert before in text
     path.write_text(text.replace(before, after, 1))
     assert failure(path, radius=1).startswith(said)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_are_counted_whatever_ends_them(tmp_path, end):
+    path = tmp_path / "a.dump"
+    text = frame(rows_of(3)) + frame(rows_of(2)).replace("ITEM: ATOMS", "ATOMS")
+    path.write_text(text, newline=end)
+    assert failure(path, radius=1).startswith("line 21: found 'ATOMS id type x y z', expected")
 
 
 def test_every_cut_is_refused(tmp_path):

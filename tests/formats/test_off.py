@@ -81,6 +81,31 @@ def test_colors_of_vertices(tmp_path, word, alpha, full):
     assert {each.color for each in points} == {(1, 0, 1)} and len(points) == 6
 
 
+NORMAL, COLOR, TEXTURE = (0.0, 0.0, 1.0), (255, 0, 255, 255), (0.25, 0.75)
+
+
+@pytest.mark.parametrize(
+    ("word", "behind"),
+    [
+        ("STOFF", TEXTURE),
+        ("STNOFF", (*NORMAL, *TEXTURE)),
+        ("STCOFF", (*COLOR, *TEXTURE)),
+        ("STCNOFF", (*NORMAL, *COLOR, *TEXTURE)),
+        ("NCOFF", (*COLOR, *NORMAL)),
+        ("NCSTOFF", (*COLOR, *NORMAL, *TEXTURE)),
+        ("CSTOFF", (*COLOR, *TEXTURE)),
+        ("NSTOFF", (*NORMAL, *TEXTURE)),
+    ],
+)
+def test_what_a_vertex_has_behind_its_place(tmp_path, word, behind):
+    """As Geomview says it, and as MeshLab writes it, with colors before normals."""
+    path = tmp_path / "a.off"
+    path.write_text(off(word=word, more=[behind] * 6))
+    assert shapes_of(convert(path, order="given")) == expected(VERTICES, FACES)
+    if "C" in word:
+        assert {each.color for each in objects_of(convert(path, color_by="rgb"))} == {(1, 0, 1)}
+
+
 @pytest.mark.parametrize("scale", [1, 255])
 def test_colors_of_faces(tmp_path, scale):
     path = tmp_path / "a.off"
@@ -102,8 +127,10 @@ def test_colors_of_faces(tmp_path, scale):
     [
         ("", "found no counts, expected OFF and the numbers of vertices"),
         ("solid\n", "line 1: found 'solid', expected OFF or COFF"),
-        ("4OFF\n", "line 1: found '4OFF', expected text of three coordinates: OFF, COFF, NOFF"),
-        ("OFF BINARY\n", "line 1: found 'OFF BINARY', expected text of three coordinates"),
+        ("4OFF\n", "line 1: found '4OFF', expected OFF of three coordinates, without 4 or n"),
+        ("OFF BINARY\n", "line 1: found 'OFF BINARY', expected OFF of text"),
+        ("OFF\nBINARY\n", "line 2: found 'BINARY', expected OFF of text"),
+        ("COOFF\n", "line 1: found 'COOFF', expected OFF or COFF"),
         ("OFF\n3 x 0\n", "line 2: found '3 x 0', expected the numbers of vertices, faces and"),
         ("OFF\n-3 1 0\n", "line 2: found '-3 1 0', expected the numbers of vertices, faces and"),
         (off(counts=(10**9, 4)), "found 1"),

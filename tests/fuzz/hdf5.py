@@ -13,6 +13,7 @@ from typing import Any
 
 import hdf5_files
 import layout_files
+import numpy as np
 from fuzz.readers import POINTS, convert
 from fuzz.trial import Harness, of_bytes
 
@@ -77,14 +78,22 @@ def hdf5(home: Path) -> Harness:
             seeds.append(path.read_bytes())
     hdf5_files.link(path, soft="/PartType0", other=("part0.h5", "/rows"))
     seeds.append(path.read_bytes())
-    hdf5_files.virtual(home / "virtual.h5")
+    parts = {part.name: part.read_bytes() for part in hdf5_files.virtual(home / "virtual.h5")}
     seeds.append((home / "virtual.h5").read_bytes())
 
+    table = np.zeros(9, [("pos", "<f4", 3), ("mass", "<f8")])
+    table["pos"], table["mass"] = layout_files.RNG.random((9, 3)), np.arange(9)
+    mesh = {"part/vertices": table["pos"], "part/faces": np.array([[0, 1, 2], [2, 3, 4]])}
+    for datasets in ({"snap/table": table}, mesh):
+        hdf5_files.write(path, datasets)
+        seeds.append(path.read_bytes())
     for layout in (layout_files.an_openpmd, layout_files.an_h5md, layout_files.an_h5part):
         seeds.append(layout(home / "layout.h5").read_bytes())
 
     def run(data: bytes, folder: Path) -> None:
         (folder / "in" / "a.h5").write_bytes(data)
+        for name, part in parts.items():
+            (folder / "in" / name).write_bytes(part)
         kept = remote.subprocess
         remote.subprocess = SimpleNamespace(
             Popen=Forked, PIPE=subprocess.PIPE, DEVNULL=subprocess.DEVNULL

@@ -53,9 +53,18 @@ def converting(name: str, settings: Settings) -> Callable[[bytes, Path], None]:
     return run
 
 
+#: Choices, at the most, by which the settings of any format come in both orders.
+CHOICES = len(ORDERS) * (1 + max(map(len, (MESH, POINTS))))
+
+
+def choice(data: bytes) -> int:
+    """Return what chooses settings for an input."""
+    return zlib.crc32(data)
+
+
 def convert(data: bytes, folder: Path, name: str, settings: Settings) -> None:
     """Convert a file that is there, by settings that the input chooses."""
-    chosen = zlib.crc32(data)
+    chosen = choice(data)
     with bfrt.convert(
         folder / "in" / name,
         folder / "out" / "a.bfrt",
@@ -92,13 +101,15 @@ def ply(_: Path) -> Harness:
             ply_files.points(layout, colored, [[1, 2, 3, 0.5]] * 4),
         )
     ]
+    seeds += [ply_files.splats(5), ply_files.splats(5, flat=True)]
     words = (
         "ply\nformat ascii 1.0\n|format binary_little_endian 1.0\n|element |element face 3\n|"
         "element vertex 7\n|property list uchar int vertex_indices\n|property float x\n|list |"
-        "property list double double l\n|property uchar red\n|end_header\n|comment |obj_info |\r\n"
+        "property list double double l\n|property uchar red\n|end_header\n|comment |obj_info |\r\n|"
+        "property float opacity\n|property float packed_position\n"
     )
     tokens = tuple(word.encode() for word in words.split("|"))
-    return of_bytes(seeds, tokens, converting("a.ply", MESH))
+    return of_bytes(seeds, tokens, converting("a.ply", (*MESH, {"opacity": 0.5})))
 
 
 def stl(_: Path) -> Harness:
@@ -149,6 +160,12 @@ def arrays() -> list[dict[str, Any]]:
         {**points, "radii": array_files.RADII, "colors": (array_files.CENTERS * 9).astype("u1")},
         {"vertices": meshes.VERTICES, "faces": np.array([[0, 1, 5], [3, 2, 1]])},
         {"triangles": array_files.TRIANGLES},
+        {"particles/all/position/value": np.stack([array_files.CENTERS] * 2)},
+        {
+            f"Step#{n}/{axis}": array_files.CENTERS[:, k]
+            for n in (0, 1)
+            for k, axis in enumerate("xyz")
+        },
     ]
 
 
@@ -176,7 +193,7 @@ def npy(_: Path) -> Harness:
             array_files.CENTERS.astype(">f8"), np.tile(array_files.RADII[:, None], 4),
         )
     ]  # fmt: skip
-    return of_bytes(seeds, TYPES, converting("a.npy", POINTS[:6]))
+    return of_bytes(seeds, TYPES, converting("a.npy", (*POINTS[:6], {})))
 
 
 def npz(_: Path) -> Harness:
@@ -191,7 +208,10 @@ def npz(_: Path) -> Harness:
 
 
 #: Names of arrays in an archive that is put together of what was changed.
-MEMBERS = ("centers", "mass", "radii", "colors", "vertices", "faces", "triangles")
+MEMBERS = (
+    "centers", "mass", "radii", "colors", "vertices", "faces", "triangles",
+    "particles/all/position/value", *(f"Step#{n}/{axis}" for n in (0, 1) for axis in "xyz"),
+)  # fmt: skip
 
 
 def npz_members(_: Path) -> Harness:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
-import random
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from fuzz import readers
 from fuzz.folders import in_memory
 from fuzz.harnesses import HARNESSES
 from fuzz.mutator import FilesMutator, Mutator
@@ -66,16 +66,28 @@ def test_inputs_of_atheris(tmp_path, name):
     assert len(list((tmp_path / "kept").iterdir())) > 3
 
 
+#: Harnesses whose inputs say themselves what is done with them.
+SETTINGS_IN_INPUT = ("rays", "store", "checkpoint")
+
+#: Of stores, a query of some does not fit, as of one without marks: those that succeed are most.
+LEAST_SHARE = {"store": 0.75}
+
+
 @pytest.mark.parametrize("name", HARNESSES)
-def test_seeds_are_right(name):
-    """Some of them succeed: settings of a reader do not fit all of its files."""
+def test_seeds_are_right(name, monkeypatch):
+    """Each succeeds unchanged, by one at least of the settings that there are for its format."""
+    right = 0
     with in_memory(name) as folder:
         harness = HARNESSES[name](folder)
-        trials = Trials(harness, folder)
-        chosen = random.Random(1).sample(harness.seeds, min(12, len(harness.seeds)))
-        for seed in chosen:
-            trials.try_one(seed)
-    assert trials.outcomes["success"], trials.outcomes
+        for seed in harness.seeds:
+            trials = Trials(harness, folder)
+            for chosen in range(readers.CHOICES if name not in SETTINGS_IN_INPUT else 1):
+                monkeypatch.setattr(readers, "choice", lambda _, chosen=chosen: chosen)
+                trials.try_one(seed)
+                if trials.outcomes["success"]:
+                    break
+            right += trials.outcomes["success"]
+    assert right >= LEAST_SHARE.get(name, 1.0) * len(harness.seeds)
 
 
 # --- what is found -------------------------------------------------------------------------------

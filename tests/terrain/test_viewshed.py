@@ -312,6 +312,15 @@ def test_a_raster_without_ground(file, tmp_path, here):
     assert [path.name for path in tmp_path.iterdir()] == ["a.tif"]
 
 
+def test_a_raster_that_lies_nowhere_is_told_once(file, tmp_path, here, caplog):
+    write(file, transform=None, crs=None)
+    bfrt.viewshed(file, tmp_path / "v.tif", (3, 3))
+    said = "found no transform: x and y count pixels, from the first one"
+    assert [r.getMessage() for r in caplog.records if "transform" in r.getMessage()] == [
+        f"{file}: {said}"
+    ]
+
+
 def test_a_broken_raster_leaves_what_there_was(file, tmp_path, here):
     write(file)
     bfrt.viewshed(file, tmp_path / "v.tif", UTM @ (4, 4))

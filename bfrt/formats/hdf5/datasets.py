@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import h5py
@@ -22,7 +22,7 @@ from bfrt.formats.hdf5.attributes import Constant, attributes_of, is_constant
 from bfrt.formats.hdf5.origins import Limits, Origins, close, opened, refusal_of
 from bfrt.formats.naming import within
 from bfrt.formats.source import Source, printable
-from bfrt.formats.table import Array, Column, Path, frame_of, paths_of
+from bfrt.formats.table import Array, Column, Listed, Path, frame_of, paths_of
 
 
 def failure(
@@ -109,7 +109,7 @@ class Dataset:
                 )
 
 
-class Datasets(Mapping[str, Array]):
+class Datasets(Listed):
     """Maps paths to the arrays of a file: its datasets, the fields of their records, and constants.
 
     Listed is each dataset once, by hard links as HDF5 visits them, then what only soft and external
@@ -136,6 +136,7 @@ class Datasets(Mapping[str, Array]):
         except Exception as error:  # h5py has them of every kind for files that are broken
             raise failure(source, error, "an HDF5 file") from error
         self._listed: dict[str, None] = {}
+        super().__init__(self._listed)
         try:
             self._list()
         except Exception as error:
@@ -147,14 +148,8 @@ class Datasets(Mapping[str, Array]):
         self._origins.close()
         close(self._file)
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._listed)
-
-    def __len__(self) -> int:
-        return len(self._listed)
-
     def __contains__(self, name: object) -> bool:
-        if name in self._listed:
+        if super().__contains__(name):
             return True
         try:
             return isinstance(name, str) and self._found(name) is not None

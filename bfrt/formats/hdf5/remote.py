@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from numpy.typing import NDArray
 
 from bfrt.formats.remote.messages import type_of_words
 from bfrt.formats.remote.process import Library, RemoteFile
-from bfrt.formats.table import Array
+from bfrt.formats.table import Array, Listed
 
 HDF5 = Library("HDF5", "bfrt.formats.hdf5.child", "datasets that are whole")
 
@@ -43,7 +43,7 @@ class RemoteArray:
         return RemoteArray(self._file, *self._file.ask("frame", self._number, number))
 
 
-class RemoteArrays(Mapping[str, Array]):
+class RemoteArrays(Listed):
     """Maps paths to the arrays of a file, as `bfrt.formats.hdf5.datasets.Datasets` does there.
 
     Parameters
@@ -61,7 +61,7 @@ class RemoteArrays(Mapping[str, Array]):
 
     def __init__(self, path: str, limits: tuple[Any, ...]) -> None:
         self._file = RemoteFile(path, limits, HDF5)
-        self._listed: dict[str, None] = dict.fromkeys(self._file.facts)
+        super().__init__(dict.fromkeys(self._file.facts))
 
     def close(self) -> None:
         """End the process that reads."""
@@ -72,14 +72,8 @@ class RemoteArrays(Mapping[str, Array]):
         found: dict[str, Any] | None = self._file.ask("attributes", path, *names)[0]
         return found
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._listed)
-
-    def __len__(self) -> int:
-        return len(self._listed)
-
     def __contains__(self, name: object) -> bool:
-        if name in self._listed:
+        if super().__contains__(name):
             return True
         return isinstance(name, str) and bool(self._file.ask("has", name)[0])
 

@@ -6,7 +6,6 @@ many frames as they.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,12 @@ import numpy as np
 from bfrt.errors import SceneError
 from bfrt.formats.naming import VALUE, folder_of, within
 from bfrt.formats.reading import Reading
-from bfrt.formats.table import Array, Arrays
+from bfrt.formats.table import Array, Arrays, Listed
 
 ELEMENT = "position"
 
 
-class Framed(Mapping[str, Array]):
+class Framed(Listed):
     """Maps paths to arrays that become those of one frame where they have one dimension too many.
 
     Parameters
@@ -31,18 +30,10 @@ class Framed(Mapping[str, Array]):
     """
 
     def __init__(self, arrays: Arrays, reading: Reading, *, values_only: bool) -> None:
+        super().__init__(arrays)
         self._arrays = arrays
         self._reading = reading
         self._values_only = values_only
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._arrays)
-
-    def __len__(self) -> int:
-        return len(self._arrays)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._arrays
 
     def __getitem__(self, name: str) -> Array:
         array = self._arrays[name]

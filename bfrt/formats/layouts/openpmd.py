@@ -15,16 +15,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
+from bfrt.formats.casting import cast
 from bfrt.formats.layouts.steps import Attributes, Layout, numbered
 from bfrt.formats.naming import folder_of, within
-from bfrt.formats.table import Array, Arrays, wrong
+from bfrt.formats.table import Array, Arrays, Listed, wrong
 
 #: Attributes of a file's root, and of a record component.
 MARK, BASE, PARTICLES = "openPMD", "basePath", "particlesPath"
@@ -45,7 +46,7 @@ def openpmd_in(file: str, arrays: Arrays, attributes: Attributes) -> Layout | No
         If its paths are no text.
     """
     root = attributes("", MARK, BASE, PARTICLES) or {}
-    if MARK not in root:
+    if MARK not in root or PARTICLES not in root:  # there may be meshes alone
         return None
     base, particles = (path_of(file, root, name) for name in (BASE, PARTICLES))
     whole = within(base, particles)
@@ -64,21 +65,13 @@ def path_of(file: str, root: dict[str, Any], name: str) -> str:
     return found.strip("/")
 
 
-class Components(Mapping[str, Array]):
+class Components(Listed):
     """Maps paths to arrays, each record component in SI units."""
 
     def __init__(self, arrays: Arrays, attributes: Attributes) -> None:
+        super().__init__(arrays)
         self._arrays = arrays
         self._attributes = attributes
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._arrays)
-
-    def __len__(self) -> int:
-        return len(self._arrays)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._arrays
 
     def __getitem__(self, name: str) -> Array:
         array = self._arrays[name]
@@ -145,12 +138,12 @@ class Component:
 
     def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
         """Yield all rows, `rows` at a time."""
-        scaled = (block * np.float64(self._unit) for block in self._array.blocks(rows))
+        scaled = (cast(block, np.float64) * self._unit for block in self._array.blocks(rows))
         if self._offset is None:
             yield from scaled
             return
         for block, offset in zip(scaled, self._offset.blocks(rows), strict=True):
-            yield block + offset * np.float64(self._offset_unit)
+            yield block + cast(offset, np.float64) * self._offset_unit
 
     def shallow(self) -> Component:
         """Return the array with one dimension less."""

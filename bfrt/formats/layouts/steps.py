@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from bfrt.errors import SettingError
 from bfrt.formats.naming import within
 from bfrt.formats.reading import Reading
-from bfrt.formats.table import Array, Arrays, frame_of
+from bfrt.formats.table import Array, Arrays, Listed, frame_of
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ class Layout(NamedTuple):
     arrays: Arrays
 
 
-class StepArrays(Mapping[str, Array]):
+class StepArrays(Listed):
     """Maps paths to the arrays of a file, of which those of one step are listed.
 
     A path may be within the step's folder too.
@@ -53,15 +53,9 @@ class StepArrays(Mapping[str, Array]):
     """
 
     def __init__(self, layout: Layout, step: Step) -> None:
+        super().__init__([key for key in layout.arrays if is_in(key, step.folder)])
         self._arrays = layout.arrays
         self._folder = step.folder
-        self._listed = [key for key in layout.arrays if is_in(key, step.folder)]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._listed)
-
-    def __len__(self) -> int:
-        return len(self._listed)
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and any(key in self._arrays for key in self._keys(name))

@@ -71,8 +71,46 @@ cdef void pass_line(Text *text) noexcept nogil:
         text.at += 1
 
 
+cdef class Lines(Tokens):
+    """Take lines apart, as many as there are to be.
+
+    Parameters
+    ----------
+    line : int
+        The line that the text begins in.
+    most : int
+        Lines that are read at the most; -1 for all.
+
+    Attributes
+    ----------
+    rows : int
+        Lines that were read.
+    """
+
+    cdef readonly int64_t rows
+    cdef int64_t most
+
+    def __init__(self, int64_t line, int64_t most):
+        self.text.line = line
+        self.most = most
+        self.rows = 0
+
+    @property
+    def done(self):
+        """Tell whether as many lines were read as there are to be."""
+        return self.rows == self.most
+
+    cdef bint begin_row(self) noexcept nogil:
+        """Go to the next line of those that are read; False if there is none."""
+        return self.rows != self.most and begin_line(&self.text)
+
+    cdef Py_ssize_t used(self, const unsigned char[::1] chunk):
+        """Return the bytes of a chunk that were read."""
+        return self.text.at - <unsigned char *>&chunk[1]
+
+
 @cython.final
-cdef class Columns(Tokens):
+cdef class Columns(Lines):
     """Take lines apart that have the same columns.
 
     Parameters
@@ -83,30 +121,25 @@ cdef class Columns(Tokens):
         Columns that are wanted.
     separator : bytes
         One byte; a blank where blanks part columns.
-    line : int
-        The line that the text begins in.
-    most : int
-        Lines that are read at the most; -1 for all.
+    line, most : int
+        As for `Lines`.
 
     Attributes
     ----------
-    rows : int
-        Lines that were read.
     fault : int
     found : int
         Columns of the line that has others; the column, from 0, of what is no number.
     """
 
-    cdef readonly int64_t rows
     cdef readonly int fault
     cdef readonly int found
-    cdef int64_t most
     cdef int columns
     cdef int width
     cdef int places[WIDEST]
     cdef double *out
 
     def __init__(self, places, int width, bytes separator, int64_t line, int64_t most):
+        super().__init__(line, most)
         if len(places) > WIDEST:
             raise ValueError(f"{len(places)} columns: no room for them")
         self.columns = len(places)
@@ -114,14 +147,7 @@ cdef class Columns(Tokens):
             self.places[i] = place
         self.width = width
         self.text.separator = separator[0]
-        self.text.line = line
-        self.most = most
-        self.rows = self.fault = self.found = 0
-
-    @property
-    def done(self):
-        """Tell whether as many lines were read as there are to be."""
-        return self.rows == self.most
+        self.fault = self.found = 0
 
     def parse(self, const unsigned char[::1] chunk not None):
         """Read whole lines, with a byte before and a NUL behind.
@@ -141,11 +167,10 @@ cdef class Columns(Tokens):
         self.take_chunk(chunk)
         with nogil:
             self.run()
-        used = self.text.at - <unsigned char *>&chunk[1]
-        return owner[:self.rows - before, :self.width], used
+        return owner[:self.rows - before, :self.width], self.used(chunk)
 
     cdef int run(self) except -1 nogil:
-        while self.rows != self.most and begin_line(&self.text):
+        while self.begin_row():
             if self.text.separator == SPACE:
                 self.read_blanks()
             else:
@@ -239,27 +264,16 @@ cdef class Columns(Tokens):
 
 
 @cython.final
-cdef class Ragged(Tokens):
+cdef class Ragged(Lines):
     """Take lines apart that have any number of numbers, parted by blanks.
-
-    Parameters
-    ----------
-    line : int
-        The line that the text begins in.
-    most : int
-        Lines that are read at the most; -1 for all.
 
     Attributes
     ----------
-    rows : int
-        Lines that were read.
     failed : bool
         Whether the last token is no number.
     """
 
-    cdef readonly int64_t rows
     cdef readonly bint failed
-    cdef int64_t most
     cdef double *out_values
     cdef uint32_t *out_counts
     cdef int64_t *out_lines
@@ -267,15 +281,8 @@ cdef class Ragged(Tokens):
     cdef Py_ssize_t counts
 
     def __init__(self, int64_t line, int64_t most):
-        self.text.line = line
-        self.most = most
-        self.rows = 0
+        super().__init__(line, most)
         self.failed = False
-
-    @property
-    def done(self):
-        """Tell whether as many lines were read as there are to be."""
-        return self.rows == self.most
 
     def parse(self, const unsigned char[::1] chunk not None):
         """Read whole lines, with a byte before and a NUL behind.
@@ -303,14 +310,14 @@ cdef class Ragged(Tokens):
         self.take_chunk(chunk)
         with nogil:
             self.run()
-        used = self.text.at - <unsigned char *>&chunk[1]
         return (
-            values_owner[:self.values], counts_owner[:self.counts], lines_owner[:self.counts], used,
+            values_owner[:self.values], counts_owner[:self.counts], lines_owner[:self.counts],
+            self.used(chunk),
         )
 
     cdef int run(self) except -1 nogil:
         cdef Py_ssize_t before
-        while self.rows != self.most and begin_line(&self.text):
+        while self.begin_row():
             before = self.values
             while in_line(&self.text):
                 if read_any_number(&self.text, self.out_values + self.values) != FOUND:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.columns import POSITION
 from bfrt.formats.lines._lines import MOST_COLUMNS
+from bfrt.formats.lines.mistaken import refuse_decimal_commas, refuse_grid
 from bfrt.formats.reading import COLORS
 from bfrt.formats.source import Source, quoted
 
@@ -97,22 +98,26 @@ def read_head(source: Source, column_names: str | None) -> Head:
     SettingError
         If there are not as many columns as `column_names` has.
     """
-    lines = lines_of(source.head(LOOK), source)
     comment: Line | None = None
     rows: int | None = None
     title: Line | None = None
-    for line in lines:
-        text = line.text.strip()
+    for line in lines_of(source.head(LOOK), source):
+        text, place = line.text.strip(), f"{source.name}: line {line.number}"
+        if title is None:
+            refuse_grid(place, text)
         number = COMMENT_BEHIND.sub(b"", text).rstrip()
         if text.startswith(COMMENTS):
             comment = line
         elif rows is None and title is None and number.isdigit() and len(number) <= COUNT_DIGITS:
             rows = int(number)
-        elif text and title is None and is_title(text):
-            title = line
         elif text:
-            return head_of(source, line, title or comment, rows, column_names)
-    if rows == 0 or title is not None:  # names and no rows, or a count of none
+            fields = fields_of(row_of(text), separator_of(row_of(text)))
+            named = title is None and is_title(fields)
+            refuse_decimal_commas(place, text, fields if named else [])
+            if not named:
+                return head_of(source, line, title or comment, rows, column_names)
+            title = line
+    if rows == 0 or (title is not None and has_positions(title)):  # a count of none, or names alone
         return Head(POSITION, BLANK, source.most_text, 1, rows)
     raise SceneError(f"{source.name}: found no line of numbers, expected points, one a line")
 
@@ -134,11 +139,17 @@ def lines_of(text: bytes, source: Source) -> Iterator[Line]:
         yield line
 
 
-def is_title(text: bytes) -> bool:
+def is_title(fields: list[bytes]) -> bool:
     """Tell whether a line has names: fields of which none is a number, and more than one."""
-    row = row_of(text)
-    fields = fields_of(row, separator_of(row))
     return len(fields) > 1 and not any(is_number(field) for field in fields if field)
+
+
+def has_positions(title: Line) -> bool:
+    """Tell whether a line of names has those of positions."""
+    row = row_of(title.text.strip())
+    return {name.encode() for name in POSITION} <= {
+        field.lower() for field in fields_of(row, separator_of(row))
+    }
 
 
 def is_number(field: bytes) -> bool:
@@ -172,7 +183,7 @@ def separator_of(line: bytes) -> bytes:
 def fields_of(line: bytes, separator: bytes) -> list[bytes]:
     """Return the fields of a line, without quotes and the blanks around."""
     if separator == BLANK:
-        return line.split()
+        return [field.strip(b'"') for field in line.split()]
     fields: list[bytes] = []
     for piece in line.split(separator):
         if fields and fields[-1].count(b'"') % 2:  # a separator in quotes
@@ -208,14 +219,16 @@ def head_of(
 def names_in(title: Line, separator: bytes, count: int) -> tuple[str, ...] | None:
     """Return the names in a line, in lower case; None if they are not those of the columns.
 
-    Those of a comment are, if there are as many, and x, y and z are among them.
+    Those of a comment are, if there are as many, and x, y and z are among them. A column whose
+    name is empty goes by its number.
     """
     text = title.text.strip()
     comment = text.startswith(COMMENTS)
     text = text.lstrip(b"#/") if comment else text
     for line in (COMMENT_BEHIND.sub(b"", text), text):  # a name may have a # behind a blank
         for each in (separator, separator_of(line), BLANK):
-            names = tuple(f.decode("utf-8", "replace").lower() for f in fields_of(line, each))
+            fields = [f.decode("utf-8", "replace").lower() for f in fields_of(line, each)]
+            names = tuple(field or str(k) for k, field in enumerate(fields, 1))
             if len(names) == count and (not comment or set(POSITION) <= set(names)):
                 return names
     return None
@@ -228,6 +241,12 @@ def names_asked(source: Source, asked: str, count: int) -> tuple[str, ...]:
         raise SettingError(
             f"{source.name}: found {count} columns and {len(names)} names in column_names, "
             f"expected a name for each, {NO_NAME} for one that is not wanted"
+        )
+    repeated = [name for name in names if name != NO_NAME and names.count(name) > 1]
+    if repeated:
+        raise SettingError(
+            f"{source.name}: found {repeated[0]} more than once in column_names, expected names "
+            "that differ"
         )
     return names
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from bfrt.errors import SceneError
 from bfrt.formats.column_contents import rows_of_columns
-from bfrt.formats.columns import ColumnPoints
+from bfrt.formats.columns import POSITION, ColumnPoints, listed
 from bfrt.formats.contents import Row
-from bfrt.formats.lines.head import read_head
+from bfrt.formats.lines.head import Head, read_head
 from bfrt.formats.lines.table import LineTable
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import write_points
@@ -28,13 +29,33 @@ def read_lines(path: str, sink: SceneSink, reading: Reading, report: Report | No
     reading.refuse_all_but(path, "column_names", *POINTS)
     with Source(path, report) as source:
         writer = ObjectWriter(sink, path, reading)
-        table = LineTable(source, read_head(source, reading.column_names))
-        write_points(ColumnPoints(table, reading), writer)
+        head = read_head(source, reading.column_names)
+        check_names(source, head)
+        write_points(ColumnPoints(LineTable(source, head), reading), writer)
         writer.report()
 
 
+def check_names(source: Source, head: Head) -> None:
+    """Refuse columns of which none are named as positions.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not set(POSITION) <= set(head.names):
+        raise SceneError(
+            f"{source.name}: found columns {listed(head.names)}, expected x, y and z, or "
+            "column_names= (--column-names), which gives others"
+        )
+
+
 def contents_of_lines(path: str) -> list[Row]:
-    """List the columns of points of text, by its first lines; else as `read_lines`."""
+    """List the columns of points of text, by its first lines; else as `read_lines`.
+
+    Those whose name is not theirs alone go by their numbers.
+    """
     with Source(path) as source:
         head = read_head(source, None)
-        return rows_of_columns(LineTable(source, head).names, head.rows, "text")
+    names = head.names
+    keys = [name if names.count(name) == 1 else str(k) for k, name in enumerate(names, 1)]
+    return rows_of_columns(keys, head.rows, "text")

@@ -12,6 +12,7 @@ from bfrt.errors import SceneError
 from bfrt.formats.colors import full_of
 from bfrt.formats.lines._lines import Columns, Fault
 from bfrt.formats.lines.head import Head
+from bfrt.formats.lines.mistaken import in_place_of_comma
 from bfrt.formats.points import POINTS_AT_ONCE
 from bfrt.formats.source import Source, printable, quoted
 
@@ -99,6 +100,7 @@ class LineTable:
         else:
             name = printable(names[lines.found])
             told = f"found {quoted(lines.token)}, expected the number of {name}"
+            told += in_place_of_comma(lines.token)
         return SceneError(f"{self.name}: line {lines.line}: {told}")
 
 
@@ -129,6 +131,10 @@ class Names(Sequence[str]):
         if found is None:
             raise ValueError(f"no column {name!r}")
         return found
+
+    def count(self, name: str) -> int:
+        """Return how many columns have a name."""
+        return self._names.count(name.lower())
 
     def _find(self, name: str) -> int | None:
         lower = name.lower()

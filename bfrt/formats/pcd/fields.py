@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
 from bfrt.formats.arrays import BLOCK_BYTES
+from bfrt.formats.casting import cast
 from bfrt.formats.colors import FULL_8, full_of
 from bfrt.formats.lines.head import BLANK, Head
 from bfrt.formats.lines.table import LineTable
@@ -23,6 +24,9 @@ from bfrt.formats.source import Source
 #: Fields that have a color in the bits of one number, and where in it each part is.
 PACKED_COLORS = ("rgb", "rgba")
 SHIFTS = dict(zip(COLORS, (16, 8, 0), strict=True))
+
+#: The name of fields that are room and nothing else.
+PADDING = "_"
 
 #: What is before packed columns: their bytes, and those that they become.
 SIZES = struct.Struct("<II")
@@ -38,13 +42,14 @@ class PcdTable:
         self._source = source
         self._header = header
         self._start = header.start + (0 if header.layout == "ascii" else len(source.mark))
-        single = [field for field in header.fields if field.numbers == 1]
+        single = [f for f in header.fields if f.numbers == 1 and f.name != PADDING]
         self._fields: dict[str, Field] = {field.name: field for field in reversed(single)}
         self._color: Field | None = next(
             (f for n in PACKED_COLORS if (f := self._fields.get(n)) and f.dtype.itemsize == 4), None
         )
         packed = COLORS if self._color is not None else ()
-        self.names: Sequence[str] = [*dict.fromkeys((*(f.name for f in single), *packed))]
+        own = [field.name for field in single]
+        self.names: Sequence[str] = [*own, *(name for name in packed if name not in own)]
         places = [self._fields[axis].dtype for axis in "xyz" if axis in self._fields]
         narrow = all(np.can_cast(dtype, np.float32) for dtype in places)
         self.dtype = np.dtype("f4" if narrow else "f8")
@@ -82,7 +87,7 @@ class PcdTable:
         """Return a column: a field, or a part of the colors that are packed in one."""
         column = block[field.name]
         if name == field.name:
-            return column.astype(np.float64)
+            return cast(column, np.float64)
         bits = np.ascontiguousarray(column).view(np.uint32)
         parts: NDArray[Any] = (bits >> SHIFTS[name] & 255).astype(np.float64)
         return parts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,9 +21,15 @@ LAYOUTS = ("ascii", "binary", "binary_compressed")
 #: NumPy's codes of types, and the bytes that they have.
 TYPES = {"I": ("i", (1, 2, 4, 8)), "U": ("u", (1, 2, 4, 8)), "F": ("f", (4, 8))}
 
+#: What a field has where the file does not say, as of before version 0.6.
+USUAL_SIZE, USUAL_TYPE, USUAL_COUNT = "4", "F", "1"
+
 #: Words that begin a line, and those that a file may do without.
-NEEDED = ("FIELDS", "SIZE", "TYPE", "DATA")
-OPTIONAL = ("VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")
+NEEDED = ("FIELDS", "DATA")
+OPTIONAL = ("VERSION", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")
+
+#: The last line, behind which bytes may be anything.
+LAST = re.compile(rb"(?:\A|[\r\n])[ \t]*DATA[ \t][^\r\n]*(?:\r\n|\r|\n|\Z)")
 
 
 class Field(NamedTuple):
@@ -71,8 +78,8 @@ def read_header(source: Source) -> Header:
     """
     found: dict[str, tuple[list[str], str]] = {}
     text = source.head(HEADER_BYTES)
-    end = text.find(b"DATA ")
-    for line in lines_of(text[: text.find(b"\n", end) + 1 if end >= 0 else None], source):
+    last = LAST.search(text)
+    for line in lines_of(text[: last.end()] if last else text, source):
         words = line.text.decode("ascii", "backslashreplace").split()
         where = f"{source.name}: line {line.number}: found {quoted(line.text)}, expected"
         if not words or words[0].startswith("#"):
@@ -83,15 +90,9 @@ def read_header(source: Source) -> Header:
         if key in found:
             raise SceneError(f"{where} {key} once")
         found[key] = (words[1:], where)
-        if key == "DATA":
-            start = line.at + len(line.text) + len(line_end(text, line.at + len(line.text)))
-            return header_of(source, found, start, line.number + 1)
+        if key == "DATA" and last:
+            return header_of(source, found, last.end(), line.number + 1)
     raise SceneError(f"{source.name}: found no line DATA, expected a PCD header that it ends")
-
-
-def line_end(text: bytes, at: int) -> bytes:
-    """Return the end of the line that ends at a byte."""
-    return next((end for end in (b"\r\n", b"\n") if text.startswith(end, at)), b"")
 
 
 def header_of(
@@ -118,8 +119,10 @@ def header_of(
 def fields_of(source: Source, found: dict[str, tuple[list[str], str]]) -> tuple[Field, ...]:
     """Return the fields, of which names, sizes, types and counts are in lines of their own."""
     names = found["FIELDS"][0]
-    sizes, kinds = found["SIZE"][0], found["TYPE"][0]
-    counts, _ = found.get("COUNT", (["1"] * len(names), ""))
+    usual = {"SIZE": USUAL_SIZE, "TYPE": USUAL_TYPE, "COUNT": USUAL_COUNT}
+    sizes, kinds, counts = (
+        found[key][0] if key in found else [value] * len(names) for key, value in usual.items()
+    )
     if not names or not len(names) == len(sizes) == len(kinds) == len(counts):
         raise SceneError(
             f"{source.name}: found {len(names)} fields, {len(sizes)} sizes, {len(kinds)} types and "
@@ -148,7 +151,9 @@ def rows_of(source: Source, found: dict[str, tuple[list[str], str]]) -> int:
             words, where = found[key]
             number = number_of(words[0]) if len(words) == 1 else None
             if number is None:
-                raise SceneError(f"{where} {key} and a whole number, 0 or more")
+                raise SceneError(
+                    f"{where} {key} and a whole number of {COUNT_DIGITS} digits or fewer"
+                )
             numbers[key] = number
     area = numbers.get("WIDTH", 1) * numbers.get("HEIGHT", 1)
     rows = numbers.get("POINTS", area if "WIDTH" in numbers else None)

@@ -40,7 +40,7 @@ def contents_of_pcd(path: str) -> list[Row]:
     rows = []
     for field in header.fields:
         shape = (header.rows,) if field.numbers == 1 else (header.rows, field.numbers)
-        use = use_of(field.name, names) if field.numbers == 1 else ""
+        use = use_of(field.name, names) if names.count(field.name) == 1 else ""
         rows.append(Row(field.name, shape, str(field.dtype), use))
     packed = [name for name in names if name not in {field.name for field in header.fields}]
     return rows + [Row(name, (header.rows,), "8 bits", use_of(name, names)) for name in packed]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError
-from bfrt.formats.object_writer import cast
+from bfrt.formats.casting import cast
 from bfrt.formats.ply._rows import Fault, Rows
 from bfrt.formats.ply.element import Element, Property
 from bfrt.formats.ply.header import Place, read_header

@@ -8,12 +8,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
+from bfrt.formats.casting import cast
 from bfrt.formats.columns import POSITION
 from bfrt.formats.mesh import Faces, write_mesh
-from bfrt.formats.object_writer import ObjectWriter, SceneSink, cast
+from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
-from bfrt.formats.ply.splats import Splats, are_splats, colored
+from bfrt.formats.ply.splats import Splats, are_splats, colored, refuse_packed
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import COLORS, POINTS, RGB, Reading
 from bfrt.formats.room import check_colors
@@ -148,6 +149,8 @@ def read_ply(path: str, sink: SceneSink, reading: Reading, report: Report | None
     """
     with Ply(path, report) as ply:
         vertex = ply.element("vertex")
+        if vertex is not None:
+            refuse_packed(path, vertex)
         if vertex is None or not all(vertex.find(name) for name in POSITION):
             raise SceneError(f"{path}: found no vertex with x, y and z, expected it")
         faces = [e for e in ply.elements if e.name in ("face", "tristrips") and e.rows]

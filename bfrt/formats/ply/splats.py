@@ -1,7 +1,8 @@
 """Gaussian splats in a PLY file: opaque spheres at their centers.
 
-A splat is an ellipsoid that fades; its sphere has the volume of that at one standard deviation. Its
-color is that of the harmonics' constant part, the same from all sides.
+A splat is an ellipsoid that fades; its sphere has the volume of that at one standard deviation, or
+of a flat one, which has two lengths, the area. Its color is that of the harmonics' constant part,
+the same from all sides.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError
+from bfrt.formats.casting import cast
 from bfrt.formats.columns import POSITION
-from bfrt.formats.object_writer import cast
 from bfrt.formats.ply.element import Element
 from bfrt.formats.ply.file import Ply
 from bfrt.formats.points import PointBlock
@@ -27,7 +28,10 @@ log = logging.getLogger(__name__)
 CONSTANTS = ("f_dc_0", "f_dc_1", "f_dc_2")
 SCALES = ("scale_0", "scale_1", "scale_2")
 OPACITY = "opacity"
-NEEDED = (*POSITION, *CONSTANTS, *SCALES, OPACITY)
+NEEDED = (*POSITION, *CONSTANTS, *SCALES[:2], OPACITY)
+
+#: What a splat has in place of all that where it is packed, as in a file of SuperSplat's.
+PACKED = "packed_position"
 
 #: The spherical harmonic of degree 0, 1 / (2 sqrt(pi)), by which the constant part is multiplied.
 HARMONIC = 0.28209479177387814
@@ -36,6 +40,20 @@ HARMONIC = 0.28209479177387814
 def are_splats(vertex: Element) -> bool:
     """Tell whether vertices are Gaussian splats, by their properties."""
     return all(vertex.find(name) for name in NEEDED)
+
+
+def refuse_packed(name: str, vertex: Element) -> None:
+    """Refuse vertices that are packed splats.
+
+    Raises
+    ------
+    SceneError
+    """
+    if vertex.find(PACKED):
+        raise SceneError(
+            f"{name}: found Gaussian splats that are packed ({PACKED}), expected x, y and z of "
+            "each: unpack them, as splat-transform does"
+        )
 
 
 def colored(reading: Reading) -> Reading:
@@ -54,7 +72,9 @@ class Splats:
         self._vertex = vertex
         self._opacity = reading.opacity
         column = reading.radius_column
-        own = SCALES if reading.radius is None else ()
+        self._skip = reading.skip_invalid
+        self._scales = tuple(name for name in SCALES if vertex.find(name))
+        own = self._scales if reading.radius is None else ()
         self._radius = own if column is None else (column,)
         self._paint = CONSTANTS if reading.color_by in (None, RGB) else reading.columns
         for name in (*self._radius, *self._paint):
@@ -80,17 +100,32 @@ class Splats:
             )
 
     def _columns(self, names: tuple[str, ...]) -> Iterator[NDArray[np.float64]]:
-        """Yield the opacity and other columns of the splats that are opaque enough."""
+        """Yield the opacity and other columns of the splats that are opaque enough.
+
+        Raises
+        ------
+        SceneError
+            If an opacity is no number; where such are skipped nothing of that splat is one.
+        """
+        done = 0
         for block in self._ply.columns(self._vertex, (OPACITY, *names)):
-            rows = block.astype(np.float64, copy=False)
+            rows = cast(block, np.float64)
             if self._opacity is not None:
+                wrong = np.isnan(rows[:, 0])
+                if wrong.any() and not self._skip:
+                    raise SceneError(
+                        f"{self.name}: vertex {done + int(np.argmax(wrong))}: found an opacity of "
+                        "nan, expected a number"
+                    )
+                rows[wrong] = np.nan
                 with np.errstate(over="ignore"):
-                    rows = rows[1.0 / (1.0 + np.exp(-rows[:, 0])) >= self._opacity]
+                    rows = rows[~(1.0 / (1.0 + np.exp(-rows[:, 0])) < self._opacity)]
+            done += len(block)
             yield rows
 
     def _radii(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return radii: the geometric mean of three lengths whose logarithms these are."""
-        if self._radius != SCALES:
+        """Return radii: the geometric mean of lengths whose logarithms these are."""
+        if self._radius != self._scales:
             return columns[:, 0]
         with np.errstate(over="ignore"):
             radii: NDArray[np.float64] = np.exp(columns.mean(axis=1))

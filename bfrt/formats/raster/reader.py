@@ -64,8 +64,6 @@ class Terrain:
         self.bend = bend_of(path, raster.facts, reading.curvature)
         self.missing = 0
         check_place(path, self.facts.place)
-        if self.facts.place.transform == PIXELS:
-            log.warning("%s: found no transform: x and y count pixels, from the first one", path)
         if self.facts.degrees and reading.height_scale is None:
             raise SettingError(self._in_degrees())
 
@@ -199,6 +197,8 @@ def read_raster(path: str, sink: SceneSink, reading: Reading, report: Report | N
         size = source.size
     with closing(opened(path, reading)) as raster:
         terrain = Terrain(path, raster, reading)
+        if raster.facts.place.transform == PIXELS:
+            log.warning("%s: found no transform: x and y count pixels, from the first one", path)
         sink.place(terrain.origin, raster.facts.place.crs)
         writer = ObjectWriter(sink, path, reading)
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.formats.casting import cast
 from bfrt.formats.raster.facts import Facts
 from bfrt.formats.remote.process import Library, RemoteFile
 
@@ -74,7 +75,7 @@ class RemoteRaster:
         there = self._file.numbers(["there"], np.dtype(np.uint8), most)
         assert numbers is not None
         with np.errstate(all="ignore"):  # what is not finite is told with its place
-            heights = numbers.astype(np.float64)
+            heights = cast(numbers, np.float64)
             if (self.facts.scale, self.facts.offset) != (1.0, 0.0):
                 heights = heights * self.facts.scale + self.facts.offset
         found = np.ones(heights.shape, np.bool_) if there is None else there != 0

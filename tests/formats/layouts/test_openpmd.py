@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from layout_files import RNG, h5part, h5py, naive_openpmd, openpmd, species_of
 from meshes import convert, failure, outcome, shades, shapes_of, spheres
 
+from bfrt.conversion.contents import describe_file
 from bfrt.errors import SettingError
 from bfrt.formats import arrays as arrays_module
 
@@ -156,6 +157,15 @@ def test_two_axes_alone_are_refused(file):
     openpmd(file, {0: {"e": {"position": (columns, 1.0)}}})
     said = failure(file, radius=1)
     assert said.startswith("found data/0/particles/e/position/x (20,) float32, data/0/particles/e/")
+
+
+def test_a_file_of_meshes_alone_is_listed(file):
+    """The standard asks for no path of particles where there are none."""
+    with h5py.File(file, "w") as made:
+        made.attrs["openPMD"], made.attrs["basePath"] = "1.1.0", "/data/%T/"
+        made["data/5/fields/rho"] = np.zeros((4, 5, 6))
+    assert [row["name"] for row in describe_file(str(file))["contents"]] == ["data/5/fields/rho"]
+    assert failure(file, radius=1).startswith("found data/5/fields/rho (4, 5, 6) float64, expected")
 
 
 def test_two_layouts_are_refused(file):

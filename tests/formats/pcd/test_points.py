@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from meshes import convert, failure, objects_of, outcome, shapes_of, spheres
 from pcd_files import LAYOUTS, XYZ, lzf, pcd, unlzf
 
+from bfrt.conversion.contents import describe_file
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import linear
 from bfrt.formats.pcd import fields as fields_module
@@ -173,7 +174,7 @@ def test_every_cut_is_refused(tmp_path, layout):
         (b"DATA binary", b"DATA zip", "line 11: found 'DATA zip', expected DATA and one of ascii"),
         (b"VERSION 0.7", b"HELLO", "line 2: found 'HELLO', expected a line of a PCD header"),
         (b"HEIGHT 1", b"WIDTH 9", "line 8: found 'WIDTH 9', expected WIDTH once"),
-        (b"SIZE 4 4 4\n", b"", "found a PCD header without SIZE, expected it"),
+        (b"FIELDS x y z\n", b"", "found a PCD header without FIELDS, expected it"),
     ],
 )
 def test_bad_headers(tmp_path, before, after, said):
@@ -234,3 +235,59 @@ def test_text_in_other_encodings(tmp_path):
         ]
     path.write_bytes(pcd(made, "binary").decode("latin1").encode("utf-16"))
     assert "expected DATA ascii, as the file is UTF-16" in failure(path, radius=1)
+
+
+# --- as found ------------------------------------------------------------------------------------
+
+XYZ_OF_TWO = "1 2 3\n4 5 6\n"
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "head",
+    [
+        "COLUMNS x y z\nPOINTS 2\nDATA ascii\n",
+        "# [MetaInfo] Viewpoint 0,0,0\nFIELDS x y z\nWIDTH 2\nDATA ascii\n",
+        "# DATA of a scan\nFIELDS x y z\nSIZE 4 4 4\nPOINTS 2\nDATA ascii\n",
+        "# made of\n# DATA binary\nFIELDS x y z\nTYPE F F F\nPOINTS 2\n  DATA ascii\n",
+    ],
+)
+def test_headers_of_older_and_other_programs(tmp_path, head, end):
+    """Fields are float32 where the file does not say, and comments have any words."""
+    path = tmp_path / "a.pcd"
+    path.write_text((head + XYZ_OF_TWO).replace("\n", end), newline="")
+    assert shapes_of(convert(path, radius=1)) == spheres([(1, 2, 3), (4, 5, 6)], 1)
+
+
+def test_bytes_of_an_older_header(tmp_path):
+    path = tmp_path / "a.pcd"
+    rows = np.array([[1, 2, 3], [10, 13, 6]], "<f4")
+    path.write_bytes(b"FIELDS x y z\nPOINTS 2\nDATA binary\n" + rows.tobytes())
+    assert shapes_of(convert(path, radius=1)) == spheres(rows, 1)
+
+
+def test_fields_of_one_name_are_refused_where_they_are_wanted(tmp_path):
+    path = tmp_path / "a.pcd"
+    head = "FIELDS {}\nPOINTS 1\nDATA ascii\n1 2 3 4 5\n"
+    path.write_text(head.format("x y z m m"))
+    assert shapes_of(convert(path, radius=1)) == spheres([(1, 2, 3)], 1)
+    assert failure(path, radius="m").startswith("found 2 columns named m, expected one of that")
+    path.write_text(head.format("x y z m x"))
+    assert failure(path, radius=1).startswith("found 2 columns named x, expected one of that name")
+
+
+def test_padding_is_no_column(tmp_path):
+    path = tmp_path / "a.pcd"
+    path.write_text("FIELDS x y z _ m _\nPOINTS 1\nDATA ascii\n1 2 3 7 0.5 9\n")
+    assert shapes_of(convert(path, radius="m")) == spheres([(1, 2, 3)], 0.5)
+    assert failure(path, SettingError, radius="_").startswith(
+        "found no column '_', expected one of x y z m"
+    )
+    uses = {each["name"]: each["use"] for each in describe_file(str(path))["contents"]}
+    assert uses["_"] == "" and "--radius m" in uses["m"]
+
+
+def test_a_count_that_is_too_large_is_told_as_such(tmp_path):
+    path = tmp_path / "a.pcd"
+    path.write_text(f"FIELDS x y z\nPOINTS {10**18}\nDATA ascii\n1 2 3\n")
+    assert failure(path, radius=1).endswith("POINTS and a whole number of 18 digits or fewer")

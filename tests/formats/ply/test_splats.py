@@ -28,9 +28,12 @@ def splats(count):
     return made
 
 
-def write(path, made):
-    head = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {len(made)}\n"
-    head += "".join(f"property float {name}\n" for name in made.dtype.names) + "end_header\n"
+def write(path, made, more=""):
+    kinds = {"f": "float", "u": "uint"}
+    head = f"ply\nformat binary_little_endian 1.0\n{more}element vertex {len(made)}\n"
+    for name in made.dtype.names:
+        head += f"property {kinds[made.dtype[name].kind]} {name}\n"
+    head += "end_header\n"
     path.write_bytes(head.encode() + made.tobytes())
 
 
@@ -100,3 +103,34 @@ def test_colors_that_nobody_asked_for_need_room(tmp_path):
     path = tmp_path / "a.ply"
     write(path, splats(20))
     assert bfrt.convert(path, tmp_path / "a.bfrt", memory="60MiB").objects == 20
+
+
+def test_an_opacity_that_is_no_number(tmp_path, caplog):
+    path = tmp_path / "a.ply"
+    made = splats(5)
+    made["opacity"] = [9, np.nan, -9, np.inf, -np.inf]
+    write(path, made)
+    assert failure(path, opacity=0.5) == ("vertex 1: found an opacity of nan, expected a number")
+    found = shapes_of(convert(path, order="given", opacity=0.5, skip_invalid=True))
+    assert [shape[0][:3] for shape in found] == [tuple(row) for row in twin(made)[0][[0, 3]]]
+    assert f"{path}: 1 invalid objects were dropped" in caplog.messages
+    assert len(shapes_of(convert(path))) == 5
+
+
+def test_packed_splats_are_told_as_such(tmp_path):
+    path = tmp_path / "a.compressed.ply"
+    names = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
+    chunk = "element chunk 0\nproperty float min_x\n"
+    write(path, np.zeros(3, [(name, "<u4") for name in names]), chunk)
+    said = "found Gaussian splats that are packed (packed_position), expected x, y and z of each"
+    assert failure(path, radius=1).startswith(said)
+
+
+def test_flat_splats_have_two_lengths(tmp_path):
+    path = tmp_path / "a.ply"
+    made = splats(9)
+    write(path, made[[name for name in NAMES if name != "scale_2"]].astype(
+        [(name, "<f4") for name in NAMES if name != "scale_2"]))  # fmt: skip
+    wide = made["scale_0"].astype(np.float64) + made["scale_1"]
+    radii = [shape[0][3] for shape in shapes_of(convert(path, order="given"))]
+    assert radii == pytest.approx(np.exp(wide / 2), rel=1e-6)
