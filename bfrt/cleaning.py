@@ -20,8 +20,8 @@ def clean(path: str | os.PathLike[str], *, dry_run: bool = False) -> list[Litter
 
     The next run that writes into a folder does so by itself, there; this does it by hand, and for
     more: the folder, the stores in it, and the user's folder of marks of stores that are read-only,
-    where those go whose store is gone. What a living process uses stays. A store whose replacement
-    ended half-way gets its name back.
+    where those go whose store is gone or another one, as far as the system says. What a living
+    process uses stays. A store whose replacement ended half-way gets its name back.
 
     Parameters
     ----------

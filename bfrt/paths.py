@@ -28,11 +28,14 @@ def path_of(name: str, value: object) -> Path:
     Raises
     ------
     SettingError
-        If it is none, or has a NUL, which no system takes.
+        If it is none, or has a NUL, which no system takes; or is empty, which pathlib takes for
+        the working folder, and no system for anything.
     """
     if not isinstance(value, (str, os.PathLike)):
         raise SettingError(f"{name}: found {type(value).__name__}, expected a path")
     path = os.fsdecode(value)
+    if not path:
+        raise SettingError(f"{name}: found an empty path, expected one with a name")
     if "\0" in path:
         raise SettingError(f"{name}: found {path!r:.80}, expected a path without NUL")
     return Path(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,20 +99,20 @@ def small_room(patch: pytest.MonkeyPatch, room: int) -> None:
     patch.setattr("bfrt.conversion.writing.rooms_for", lambda needs, _: [room] * len(needs))
 
 
-def open_files() -> int:
-    """Files that this process has open: a spool without a name would be one.
+def open_files() -> Counter[str]:
+    """Files that this process has open, by name: a spool without a name would be one.
 
-    Pipes and sockets are none, nor what a cluster's threads look at in /proc now and then.
+    Pipes, sockets and what is in /proc, /sys and /dev are none: threads of a cluster that ended
+    a moment ago close theirs whenever they come to it.
     """
     folder = Path("/proc/self/fd")
-    if not folder.exists():
-        return 0
-    count = 0
-    for each in folder.iterdir():
+    found: Counter[str] = Counter()
+    for each in folder.iterdir() if folder.exists() else ():
         with contextlib.suppress(FileNotFoundError):  # the one that lists them
             name = str(each.readlink())
-            count += name.startswith("/") and not name.startswith(("/proc/", "/sys/", "/dev/"))
-    return count
+            if name.startswith("/") and not name.startswith(("/proc/", "/sys/", "/dev/")):
+                found[name] += 1
+    return found
 
 
 def failure(path: Path, kind: type[BfrtError] = SceneError, **settings: Any) -> str:
@@ -122,7 +123,7 @@ def failure(path: Path, kind: type[BfrtError] = SceneError, **settings: Any) -> 
     message = str(caught.value)
     assert isinstance(caught.value, kind), f"{caught.type.__name__}: {message}"
     del caught
-    assert open_files() <= before  # less where another test's rubbish goes
+    assert open_files() == before
     assert set(path.parent.iterdir()) == there
     assert message.isprintable() and len(message) < 600
     assert "found" in message or kind is StreamError
@@ -144,6 +145,6 @@ def outcome(path: Path, **settings: Any) -> str:
         assert said.isprintable()
         assert str(path) in said
         assert not made.exists()
-    assert open_files() <= before  # less where another test's rubbish goes
+    assert open_files() == before
     assert set(path.parent.iterdir()) - {made} == there
     return said

@@ -90,6 +90,24 @@ def test_each_is_refused_in_one_sentence(scene, name, value, said):
         assert refusal(ask, **{name: value}) == said
 
 
+def test_an_empty_path_is_not_the_working_folder(scene, tmp_path, monkeypatch):
+    """As it is where a script's variable is not set."""
+    monkeypatch.chdir(tmp_path)
+    image = scene.render(camera=bfrt.Camera((1, 2, 3), (0, 0, 0), resolution=(2, 2)))
+    rays = np.zeros((1, 3)), np.ones((1, 3))
+    for name, ask in {
+        "checkpoint": lambda: scene.render(checkpoint=""),
+        "scratch": lambda: scene.render(scratch=""),
+        "out": lambda: scene.cast_rays(*rays, out=""),
+        "image": lambda: image.save(""),
+        "clean": lambda: bfrt.clean(""),
+        "store": lambda: bfrt.open(""),
+        "source": lambda: bfrt.convert("", "a.bfrt"),
+    }.items():
+        assert refusal(ask) == f"{name}: found an empty path, expected one with a name"
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("memory", [(1 << 63) - 1, 1 << 62, "100TB"])
 def test_more_memory_than_the_machine_has_is_only_a_limit(tmp_path, memory):
     """What is needed is taken: the answers are those of a small budget, in several groups too."""

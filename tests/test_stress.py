@@ -20,6 +20,20 @@ def test_what_steps_run_is_there():
                 assert not word.startswith("tests/") or (ROOT / word).exists(), word
 
 
+def test_all_rooms_that_have_loops_in_c_are_looked_at():
+    rooms = {path.relative_to(ROOT / "bfrt").parts[0] for path in ROOT.glob("bfrt/*/**/*.pyx")}
+    assert {f"tests/{room}" for room in rooms if (ROOT / "tests" / room).is_dir()} <= {
+        *stress.ROOMS
+    }
+
+
+def test_the_exceptions_of_libraries_are_thrown_on_the_sanitizer_build(tmp_path):
+    """AddressSanitizer has to find the function that throws them before Python is there."""
+    loaded = stress.environment(tmp_path, sanitized=True)["LD_PRELOAD"].split()
+    assert [Path(path).name for path in loaded] == ["libasan.so", "libstdc++.so"]
+    assert all(Path(path).is_file() for path in loaded)
+
+
 @pytest.mark.parametrize("quick", [True, False])
 def test_slow_tests_are_run_unless_it_is_quick(quick):
     assert ("slow or not slow" in stress.steps(quick, 1)["kills"].command) != quick

@@ -34,8 +34,11 @@ EVERY = 60.0
 GENERATION = re.compile(r"state\.([0-9]{1,18})(\.part)?")
 PART = ".part"
 
-#: What files of marks that are made begin with (`bfrt.grid.marks_log`).
+#: Files of marks that are made: what their names begin with, and how they go on, after the
+#: number of the group (`bfrt.grid.marks_log`).
 MARKS = "bfrt-marks"
+MARKS_FILES = ("layers", "index")
+MARKS_FILE = re.compile(rf"{MARKS}\.[0-9]+\.({'|'.join(MARKS_FILES)})")
 
 
 class Checkpoint:
@@ -102,7 +105,8 @@ class Checkpoint:
         trace: TracebackType | None,
     ) -> None:
         try:
-            if not self._generations() and insist(self.folder.rmdir):
+            place = Path(os.path.realpath(self.folder))  # a link to it stays
+            if not self._generations() and insist(place.rmdir):
                 log.debug("%s: is left as it is: others put something in", self.folder)
         except StreamError as error:
             log.debug("%s: is left as it is: %s", self.folder, error)
@@ -229,7 +233,7 @@ class Checkpoint:
         """Remove the state: the work is finished."""
         self._remove(lambda number, part: True)
         for name in self._names():
-            if name.startswith(f"{MARKS}."):
+            if MARKS_FILE.fullmatch(name):
                 remove_file(self.folder / name)
 
     def _path(self, number: int) -> Path:

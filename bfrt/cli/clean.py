@@ -10,7 +10,11 @@ from bfrt.cli.options import command
 
 
 def add_clean(commands: Any) -> None:
-    made = command(commands, "clean", run_clean, "Remove what killed runs left in a folder.")
+    about = (
+        "Remove what killed runs left in a folder, and voxel marks in the user's cache, and in the "
+        "folder as --scratch, whose read-only store is gone or is another by now."
+    )
+    made = command(commands, "clean", run_clean, about)
     made.add_argument("folder", help="a folder of outputs, stores or spools; or a store")
     made.add_argument("--dry-run", action="store_true", help="only tell what would be removed")
 

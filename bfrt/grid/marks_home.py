@@ -104,12 +104,15 @@ def stale(home: Path) -> Iterator[Path]:
 
 
 def _has_store(folder: Path) -> bool:
-    """Tell whether the store is there whose marks a folder has; True of other folders."""
+    """Tell whether the store is there whose marks a folder has, as far as the system says.
+
+    Only what is not there counts as not there: a store that the system refuses to read may be.
+    True of other folders.
+    """
     try:
         place = Path(os.fsdecode((folder / PLACE).read_bytes()))
+        return folder.name.endswith(f"-{open_any(place).checksum:08x}")
     except OSError:
         return True
-    try:
-        return folder.name.endswith(f"-{open_any(place).checksum:08x}")
-    except (BfrtError, OSError, ValueError):
+    except (BfrtError, ValueError):
         return False

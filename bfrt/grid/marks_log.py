@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.checkpoint.checkpoint import EVERY, MARKS
+from bfrt.checkpoint.checkpoint import EVERY, MARKS, MARKS_FILES
 from bfrt.checkpoint.pace import Pace
 from bfrt.checkpoint.state import BLOCK_BYTES
 from bfrt.grid.marks_layout import CRC, Layout
@@ -81,7 +81,7 @@ class MarksLog:
     """
 
     def __init__(self, folder: Path, group: int) -> None:
-        self._paths = [folder / f"{MARKS}.{group}.{name}" for name in ("layers", "index")]
+        self._paths = [folder / f"{MARKS}.{group}.{name}" for name in MARKS_FILES]
         self._files: list[io.FileIO] = []
         self._pace = Pace(EVERY)
         self._size = 0  # coded bytes of the layer that is added

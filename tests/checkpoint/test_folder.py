@@ -303,7 +303,17 @@ def test_a_run_that_finishes_meanwhile_takes_its_folder_with_it(tmp_path, monkey
         kept.save(lambda writer: {"a": writer.put("b", [np.zeros(3)])})
         assert [path.name for path in folder.iterdir()] == ["state.1"]
         kept.remove()
-    assert spoilt and list(tmp_path.rglob("state.*")) == []
+    assert spoilt and not folder.exists()
+
+
+def test_files_of_others_stay(tmp_path):
+    """Also those whose names begin as marks' do."""
+    mine, others = ("bfrt-marks.0.layers", "bfrt-marks.12.index"), ("bfrt-marks.txt", "state.x")
+    for name in (*mine, *others):
+        (tmp_path / name).write_bytes(b"")
+    with Checkpoint(tmp_path, 0) as kept:
+        kept.remove()
+    assert {path.name for path in tmp_path.iterdir()} == {*others}
 
 
 def test_a_save_that_fails_leaves_the_state_before(scene, saved, expected, tmp_path, monkeypatch):

@@ -122,7 +122,7 @@ class Trials:
         if open_files() != before:
             gc.collect()  # an error's frames may refer to one another
         if open_files() != before:
-            raise Finding(f"found {open_files()} open files, expected {before}")
+            raise Finding(f"found open files {open_files()}, expected {before}")
         return outcome
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import stat
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import bfrt
-from bfrt.errors import SettingError, StoreError
+from bfrt.errors import SettingError, StoreError, StreamError
 from bfrt.grid import marks_home
 from bfrt.grid.marks import verify_marks
 from bfrt.grid.marks_home import home_in, marks_path, stale
@@ -206,6 +207,16 @@ def test_stale_ones_are_those_without_their_store(scene, cache, tmp_path):
     shutil.rmtree(scene.path)
     assert list(stale(cache)) == [path_of(scene).parent]
     cache.chmod(0o777)
+    assert list(stale(cache)) == []
+
+
+def test_a_store_that_the_system_refuses_to_read_may_be_there(scene, cache, monkeypatch):
+    cast(scene)
+
+    def refuse(path):
+        raise StreamError(path, 0, errno.EIO, "opening")
+
+    monkeypatch.setattr("bfrt.grid.marks_home.open_any", refuse)
     assert list(stale(cache)) == []
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from boxes import boxes_of
+from meshes import open_files
 
 import bfrt
 from bfrt.cli.command import main
@@ -82,11 +83,6 @@ def path(whole, tmp_path):
 
 
 ANOTHER = r"^order: found .*, expected given, spatial or auto$"
-
-
-def open_files():
-    folder = Path("/dev/fd")
-    return len(list(folder.iterdir())) if folder.exists() else 0
 
 
 # --- what is asked for ---------------------------------------------------------------------------

@@ -56,14 +56,30 @@ print(int(status.split("VmHWM:")[1].split()[0]) // 1024)
 """
 
 
-#: Makes float64 patches as given and in order; prints the plan's memory and the peak, in MiB.
+#: Makes float64 patches as given and in order; prints the plan's memory and the peak, in MiB. What
+#: is made ahead is there before the next window is written: how much that is tells no clock.
 PLANNED = """
-import sys
+import concurrent.futures, os, sys, weakref
 import numpy as np
+from bfrt import workers
 from bfrt.ordering_planning import ordering_of
+from bfrt.store.ordering import order as ordering
 from bfrt.store.writer import StoreWriter
 from bfrt.store.store import open_store
 path, shape, n = sys.argv[1], sys.argv[2], int(sys.argv[3])
+os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:2])
+begun, ordered = weakref.WeakSet(), ordering.ordered
+class Pool(workers.Pool):
+    def submit(self, *call):
+        future = super().submit(*call)
+        begun.add(future)
+        return future
+def all_made(*given):
+    for window in ordered(*given):
+        concurrent.futures.wait(list(begun))
+        yield window
+        del window
+workers.Pool, ordering.ordered = Pool, all_made
 for order in ("given", "spatial"):
     rng = np.random.default_rng(0)
     with StoreWriter(path + order, order=order, durable=False) as writer:
@@ -163,10 +179,10 @@ def test_large_polygons(tmp_path):
     assert peak_of(tmp_path / "a.bfrt", "large polygons", 10_000) <= 256
 
 
-@pytest.mark.parametrize(("shape", "n"), [("spheres", 600_000), ("patches", 400_000)])
+@pytest.mark.parametrize(("shape", "n"), [("spheres", 1_200_000), ("patches", 800_000)])
 def test_a_plan_tells_the_memory(tmp_path, shape, n):
     planned, peak = told_by(PLANNED, tmp_path / "a.bfrt", shape, n)
-    assert peak <= planned <= 2.5 * peak
+    assert peak <= planned <= 1.8 * peak
 
 
 @pytest.mark.slow

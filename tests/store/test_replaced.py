@@ -264,4 +264,4 @@ def test_closed_scenes_give_their_folder_back(path, way):
     before = open_files()
     for _ in range(20):
         bfrt.open(path)
-    assert open_files() <= before + 2
+    assert open_files() == before

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from meshes import open_files
 from scenes import random_objects
 
 import bfrt
@@ -734,12 +735,6 @@ def test_a_refusal_at_any_call_leaves_nothing(folder, monkeypatch, caplog, owner
             assert contents(path) == old
         assert [p.name for p in folder.iterdir()] == ["a.bfrt"]
     assert refused > least
-
-
-def open_files():
-    """How many files this process has open, where it can be known."""
-    folder = Path("/dev/fd")
-    return len(list(folder.iterdir())) if folder.exists() else 0
 
 
 def by_renames(one, other):
