@@ -73,7 +73,7 @@ class SettingError(BfrtError, ValueError):
 
 
 class Cancelled(BfrtError):
-    """Reports work that somebody ended: a progress callback that returned False, a closed client."""
+    """Reports work that somebody ended: a callback that returned False, or a closed client."""
 
 
 class StreamError(BfrtError, OSError):

@@ -56,7 +56,7 @@ SHOWN = r"a\nb\x1b[31m\u202e\x9b\udcff" "\\é.bfrt"
     ids=lambda error: type(error).__name__,
 )
 def test_names_do_nothing_to_a_terminal(error):
-    """Whoever names a file, as that of a sharded scene does, writes nothing into ours but letters."""
+    """Who names a file, as that of a sharded scene does, writes nothing into ours but letters."""
     assert SHOWN in str(error) and str(error).isprintable()
     assert str(errors.StoreError(f"worker 1: {error}")) == f"worker 1: {error}"
     assert NASTY in error.args or error.path == NASTY

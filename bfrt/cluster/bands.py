@@ -99,8 +99,8 @@ def render(client: Any, store: Store, view: View, asked: Asked, report: Report |
         image = ImageBuffer(width, height, scratch_of(store, view))
         parts = [prepared.part]
         numbers = range(-(-height // prepared.rows))
-        for number, future in enumerate(watch.begin(task, numbers, "band")):
-            planes, part = watch.result(future)
+        for number, errand in enumerate(watch.begin(task, numbers, "band")):
+            planes, part = watch.result(errand)
             add_band(film, planes, image)
             parts.append(part)
             watch.through(number, rays_of(part[1]))
