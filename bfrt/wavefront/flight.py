@@ -136,9 +136,7 @@ class Flights:
         errands = []
         for carrier, which in block.departures():
             cargo = Cargo.of(block.rays[which])
-            self.travel.rays += len(which)
-            self.travel.bytes_sent += len(cargo)
-            self.travel.legs += 1
+            self.travel.sent(len(which), cargo)
             what = f"trace-{self.travel.legs}"
             workers = list(self._carriers[carrier].workers)
             errands += self._watch.begin(self._tasks[carrier], [cargo], what, workers)
@@ -150,8 +148,7 @@ class Flights:
             for errand in errands:
                 traced: Traced = self._watch.result(errand)
                 records = traced.cargo.records(self._tasks[0].find.value)
-                self.travel.found += len(records)
-                self.travel.bytes_received += len(traced.cargo)
+                self.travel.came(len(records), traced.cargo)
                 self.parts.append(traced.part)
                 block.take(records)
             errands = self._depart(block)
