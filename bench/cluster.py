@@ -38,6 +38,9 @@ import bfrt
 MEMORY = 512 << 20
 CAP = 3 << 30
 
+#: Rays of each block that are asked about before the clock starts.
+HEAD = 1000
+
 #: What has workers tell warnings alone.
 QUIET = {"DASK_LOGGING__DISTRIBUTED": "warning"}
 
@@ -106,7 +109,7 @@ def local(work: Work) -> Facts:
 def clustered(work: Work, client: Any) -> Facts:
     """Render and ask by the workers of a client."""
     scene = bfrt.open(work.store)
-    scene.render(camera=work.camera(scene, 8), client=client, **work.settings)
+    scene.render(camera=work.camera(scene, work.pixels // 4), client=client, **work.settings)
     sent = outgoing(client)
     seconds, image = best(
         work.runs,
@@ -135,7 +138,8 @@ def asked(work: Work, scene: bfrt.Scene, client: Any) -> Facts:
     origins, targets = points(0), points(1)
     origins, directions = client.persist([origins, targets - origins])
     wait([origins, directions])
-    dask.compute(scene.cast_rays(origins[:10], directions[:10], **work.settings))
+    few = [rays.map_blocks(head, chunks=(HEAD, 3)) for rays in (origins, directions)]
+    dask.compute(scene.cast_rays(*few, **work.settings))  # by all workers, who open the store
     sent = outgoing(client)
 
     def ask() -> Any:
@@ -150,6 +154,11 @@ def asked(work: Work, scene: bfrt.Scene, client: Any) -> Facts:
         "bytes": (outgoing(client) - sent) / work.runs / work.rays,
         "graph": sum(len(pickle.dumps(task)) for task in tasks.values()) / work.rays,
     }
+
+
+def head(rays: np.ndarray) -> np.ndarray:
+    """The first rays of a block."""
+    return rays[:HEAD]
 
 
 def outgoing(client: Any) -> int:
@@ -215,8 +224,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--scene", default="rings:94", help="NAME:SIZE of a standard scene")
     parser.add_argument("--refine", nargs="+", default=["sgb", "tree"], choices=ORDERS)
-    parser.add_argument("--pixels", type=int, default=768)
-    parser.add_argument("--rays", type=int, default=2_000_000)
+    parser.add_argument("--pixels", type=int, default=640)
+    parser.add_argument("--rays", type=int, default=1_000_000)
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()

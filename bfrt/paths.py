@@ -28,13 +28,19 @@ def path_of(name: str, value: object) -> Path:
     Raises
     ------
     SettingError
-        If it is none, or has a NUL, which no system takes.
+        If it is none, or has a NUL or half a letter, which no system takes.
     """
     if not isinstance(value, (str, os.PathLike)):
         raise SettingError(f"{name}: found {type(value).__name__}, expected a path")
     path = os.fsdecode(value)
     if "\0" in path:
         raise SettingError(f"{name}: found {path!r:.80}, expected a path without NUL")
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        raise SettingError(
+            f"{name}: found {path!r:.80}, expected a path that can be encoded"
+        ) from None
     return Path(path)
 
 
