@@ -4,11 +4,12 @@
 
     python bench/cluster.py --scene rings:94 --pixels 1024 --rays 4000000 --runs 3 --json x.json
 
-Without options it takes two minutes, with about ten seconds of work by `sgb` in each case. Each is in a memory cgroup of its own, where one can be
-made, and has one thread. Marks are there. The process asks about the same blocks of rays, one after
-another: of fewer and larger ones the objects stream past less often, on a cluster too. Rays are
-made where they are asked about, before the clock starts, so that what travels is what a query
-itself sends: its tasks, and the answers to the client. Both are told in bytes a ray.
+Without options it takes two minutes, with about ten seconds of work by `sgb` in each case. Each is
+in a memory cgroup of its own, where one can be made, and has one thread. Marks are there. The
+process asks about the same blocks of rays, one after another: of fewer and larger ones the objects
+stream past less often, on a cluster too. Rays are made where they are asked about, before the clock
+starts, so that what travels is what a query itself sends: its tasks, and the answers to the client.
+Both are told in bytes a ray.
 """
 
 from __future__ import annotations
