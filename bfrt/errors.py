@@ -1,6 +1,7 @@
 """The exceptions that bfrt raises, one for each kind of fault.
 
-Every message is one sentence that says where, what was found, and what was expected.
+Every message is one sentence that says where, what was found, and what was expected. It is shown on
+one line, whatever is in the names of files.
 """
 
 from __future__ import annotations
@@ -9,8 +10,20 @@ import os
 from typing import Any
 
 
+def escaped(text: str) -> str:
+    """Return a text for a terminal: line feeds, controls and what is no text in a name escaped."""
+    if text.isprintable():
+        return text
+    return "".join(
+        each if each.isprintable() else each.encode("unicode_escape").decode() for each in text
+    )
+
+
 class BfrtError(Exception):
     """Stands for any fault that bfrt finds: the base of all its exceptions."""
+
+    def __str__(self) -> str:
+        return escaped(super().__str__())
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by the arguments: Dask's way to send errors on has none of its own for some."""
@@ -60,7 +73,7 @@ class SettingError(BfrtError, ValueError):
 
 
 class Cancelled(BfrtError):
-    """Reports work that ended because a progress callback returned False."""
+    """Reports work that somebody ended: a callback that returned False, or a closed client."""
 
 
 class StreamError(BfrtError, OSError):
@@ -96,7 +109,7 @@ class StreamError(BfrtError, OSError):
         super().__init__(errno, f"{self.path}: {doing} at byte {offset}: {os.strerror(errno)}")
 
     def __str__(self) -> str:
-        return str(self.args[1])
+        return escaped(str(self.args[1]))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by the arguments, so that a pool of processes can pass the error on."""

@@ -28,8 +28,8 @@ def path_of(name: str, value: object) -> Path:
     Raises
     ------
     SettingError
-        If it is none, or has a NUL, which no system takes; or is empty, which pathlib takes for
-        the working folder, and no system for anything.
+        If it is none, or has a NUL or half a letter, which no system takes; or is empty, which
+        pathlib takes for the working folder, and no system for anything.
     """
     if not isinstance(value, (str, os.PathLike)):
         raise SettingError(f"{name}: found {type(value).__name__}, expected a path")
@@ -38,6 +38,12 @@ def path_of(name: str, value: object) -> Path:
         raise SettingError(f"{name}: found an empty path, expected one with a name")
     if "\0" in path:
         raise SettingError(f"{name}: found {path!r:.80}, expected a path without NUL")
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        raise SettingError(
+            f"{name}: found {path!r:.80}, expected a path that can be encoded"
+        ) from None
     return Path(path)
 
 

@@ -228,6 +228,15 @@ def test_info_and_verify(nff, tmp_path, capsys):
     assert "geometry" in capsys.readouterr().err
 
 
+def test_info_writes_letters_alone_to_a_terminal(tmp_path, capsys):
+    """Whatever text a store of others has, or a sharded scene beside it."""
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", durable=False) as writer:
+        writer.spheres([[0.0, 0, 0]], 1.0)
+        writer.crs("\x1b[2Ja\nb")
+    assert main(["info", str(tmp_path / "a.bfrt")]) == 0
+    assert r"crs: \x1b[2Ja\nb" in capsys.readouterr().out
+
+
 def test_info_shows_bounds_in_the_worlds_coordinates(tmp_path, capsys):
     """As the file has them, wherever the store's origin is."""
     file, store = tmp_path / "a.npy", tmp_path / "a.bfrt"

@@ -41,6 +41,27 @@ def test_each_is_ours_and_can_be_handed_over(error):
             assert getattr(again, name, None) == getattr(error, name, None)
 
 
+NASTY = "a\nb\x1b[31m\u202e\x9b\udcff\\é.bfrt"
+SHOWN = r"a\nb\x1b[31m\u202e\x9b\udcff" "\\é.bfrt"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        *(type(error)(NASTY) for error in MADE if len(error.args) == 1 and error.args == ("a",)),
+        errors.StreamError(NASTY, 12, errno.EIO, "reading"),
+        errors.DiskFullError(NASTY, 12, errno.ENOSPC, "writing"),
+        errors.ShortReadError(NASTY, 12, 24, 7),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_names_do_nothing_to_a_terminal(error):
+    """Who names a file, as that of a sharded scene does, writes nothing into ours but letters."""
+    assert SHOWN in str(error) and str(error).isprintable()
+    assert str(errors.StoreError(f"worker 1: {error}")) == f"worker 1: {error}"
+    assert NASTY in error.args or error.path == NASTY
+
+
 @pytest.mark.parametrize(
     ("kind", "base"),
     [

@@ -9,6 +9,7 @@ from typing import Any
 from bfrt.cli.options import command
 from bfrt.conversion.contents import describe_file, is_scene_file
 from bfrt.conversion.sources import is_store
+from bfrt.errors import escaped
 from bfrt.formats.source import printable
 from bfrt.scene import open_scene
 from bfrt.shards.store import open_any
@@ -36,7 +37,7 @@ def run_info(options: argparse.Namespace) -> None:
         elif key == "contents":
             print("\n".join(lines_of(value)))
         else:
-            print(f"{key}: {value}")
+            print(f"{key}: {escaped(str(value))}")
 
 
 def lines_of(contents: list[dict[str, Any]]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,7 @@ from bfrt.cluster.watching import Watch
 from bfrt.cluster.work import Prepared, Work
 from bfrt.cluster.worker import this_worker
 from bfrt.image.film import Film
-from bfrt.image.film_bands import Planes, add_band
+from bfrt.image.film_bands import Planes, add_bands
 from bfrt.image.frame import FRAME_PART, FrameSize
 from bfrt.image.image_buffer import ImageBuffer
 from bfrt.image.picture import Image
@@ -44,29 +45,27 @@ class Preparing:
 
 @dataclass(frozen=True)
 class Rendering:
-    """Renders bands of a frame, as a task for each.
+    """Renders bands of a frame, as a task for each: the rows from one on, up to another.
 
     Attributes
     ----------
     work : Work
     view : View
-    rows : int
-        Of each band.
     topic : str, optional
         Where messages go.
     """
 
     work: Work
     view: View
-    rows: int
     topic: str | None
 
-    def __call__(self, number: int) -> Band:
-        frame = self.view.frame._replace(band=self.rows)
+    def __call__(self, band: tuple[int, int, int]) -> Band:
+        number, row, end = band
+        frame = self.view.frame._replace(band=end - row)
         report = TaskReport(self.topic, number)
         with self.work.begun() as (session, settings):
             with session.tracer(settings, frame) as tracer:
-                planes, stats = band_of(tracer, self.view, number * self.rows, report)
+                planes, stats = band_of(tracer, self.view, row, report)
             return planes, (this_worker().name, stats)
 
 
@@ -94,14 +93,15 @@ def render(client: Any, store: Store, view: View, asked: Asked, report: Report |
         workers = max(1, len(client.nthreads()))
         (preparing,) = watch.begin(Preparing(work, frame), [workers], "prepare")
         prepared: Prepared = watch.result(preparing)
-        task = Rendering(work.with_budget(prepared), view, prepared.rows, watch.topic)
-        film = Film(width, height, view.samples, prepared.rows, view.aovs)
+        task = Rendering(work.with_budget(prepared), view, watch.topic)
+        rows, starts = prepared.bands.rows, prepared.bands.starts(height)
+        film = Film(width, height, view.samples, rows, view.aovs)
         image = ImageBuffer(width, height, scratch_of(store, view))
         parts = [prepared.part]
-        numbers = range(-(-height // prepared.rows))
-        for number, future in enumerate(watch.begin(task, numbers, "band")):
-            planes, part = watch.result(future)
-            add_band(film, planes, image)
+        bands = [(n, *ends) for n, ends in enumerate(itertools.pairwise(starts))]
+        for (number, row, end), errand in zip(bands, watch.begin(task, bands, "band"), strict=True):
+            planes, part = watch.result(errand)
+            add_bands(film, planes, image, -(-(end - row) // rows))
             parts.append(part)
             watch.through(number, rays_of(part[1]))
     stats = summed(parts)

@@ -9,9 +9,9 @@ from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 
-from bfrt.errors import BfrtError
+from bfrt.errors import BfrtError, SettingError
 from bfrt.grid.marks import verify_marks
-from bfrt.paths import HEADER, is_file, is_there
+from bfrt.paths import HEADER, header_at, is_file, is_folder, is_there
 from bfrt.refusals import calling, give_up
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.store import MADE, Store, open_store
@@ -26,7 +26,9 @@ BLOCK = 4 << 20
 MARKS = "marks"
 
 
-def copy_store(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> str:
+def copy_store(
+    source: str | os.PathLike[str], target: str | os.PathLike[str], *, overwrite: bool = False
+) -> str:
     """Copy a scene store, with its marks, unless it is there already; check every byte of it.
 
     ``client.run(bfrt.copy_store, source, target)`` copies it to the disk of each worker. Workers
@@ -38,7 +40,9 @@ def copy_store(source: str | os.PathLike[str], target: str | os.PathLike[str]) -
     source : path-like
         The store.
     target : path-like
-        Its copy, which replaces another store, but nothing else.
+        Its copy.
+    overwrite : bool
+        Whether it may replace another store; nothing else is ever replaced.
 
     Returns
     -------
@@ -50,14 +54,20 @@ def copy_store(source: str | os.PathLike[str], target: str | os.PathLike[str]) -
     StoreError
         If the source is no store, or its contents or the copy's differ from what was written.
     SettingError
-        If the target cannot be a store.
+        If the target cannot be a store, or is another one.
     DiskFullError, StreamError
         If the system refuses; nothing is left behind.
     """
     store = open_store(source)
     path = check_new_store(target)
     with _alone(path.parent):
-        if not _is_there(path, store):
+        there = header_at(path) if is_folder(path) else b""
+        if there and there != store.folder.header and not overwrite:
+            raise SettingError(
+                f"{path}: found another store, expected {store.path}, or nothing: overwrite=True "
+                "replaces it"
+            )
+        if not _is_whole(path, store):
             folder = AtomicFolder(path, durable=True)
             try:
                 folder.create()
@@ -71,7 +81,7 @@ def copy_store(source: str | os.PathLike[str], target: str | os.PathLike[str]) -
     return os.fspath(path)
 
 
-def _is_there(path: Path, store: Store) -> bool:
+def _is_whole(path: Path, store: Store) -> bool:
     """Tell whether a path has the same store already, whole; what is damaged is copied again."""
     if not is_there(path):
         return False

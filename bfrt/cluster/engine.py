@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from bfrt.errors import SettingError
+from bfrt.errors import BfrtError, Cancelled, ResourceError, SettingError
 
 
 def is_lazy(*given: object) -> bool:
@@ -63,3 +63,21 @@ def client_of(client: Any) -> Any:
     if client.status != "running":
         raise SettingError(f"client: found one that is {client.status}, expected one that runs")
     return client
+
+
+def in_our_words(error: BaseException | None) -> BfrtError | None:
+    """Return what Dask says of a client that waits in vain as an error of ours; else None."""
+    engine = distributed()
+    if isinstance(error, (engine.CancelledError, engine.client.ClosedClientError)):
+        return Cancelled(
+            "client: found it closed or restarted, or its tasks cancelled, expected it to run "
+            "until they are done"
+        )
+    if isinstance(error, engine.KilledWorker):
+        last = error.last_worker
+        return ResourceError(
+            f"client: found {error.allowed_failures + 1} workers to end in the middle of one task, "
+            f"the last of them {last.name} ({last.address}), expected one that bears it: see the "
+            "workers' logs, their memory limits, and memory="
+        )
+    return None

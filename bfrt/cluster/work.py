@@ -26,6 +26,34 @@ FEWEST_BANDS = 2
 MOST_BANDS = 4
 
 
+class Bands(NamedTuple):
+    """Tells how a frame is divided into bands of rows.
+
+    Attributes
+    ----------
+    rows : int
+        Of the last bands, one for each worker: the last of them may have less.
+    first : int
+        Of all bands before these, as many times `rows`.
+    small : int
+        How many bands of `rows` there are.
+    """
+
+    rows: int
+    first: int
+    small: int
+
+    def starts(self, height: int) -> list[int]:
+        """Return the first row of each band, and of what would follow the last."""
+        large = max(0, -(-height // self.rows) - self.small) // (self.first // self.rows)
+        begin = large * self.first
+        return [*range(0, begin, self.first), *range(begin, height, self.rows), height]
+
+
+#: Of no frame.
+NO_BANDS = Bands(0, 0, 0)
+
+
 class Prepared(NamedTuple):
     """Tells that a store is ready for all tasks, and what they have in common.
 
@@ -33,14 +61,14 @@ class Prepared(NamedTuple):
     ----------
     memory : int
         The budget that marks were made for.
-    rows : int
-        Rows of each band of the frame; 0 without a frame.
+    bands : Bands
+        Of the frame; none without a frame.
     part : Part
         The counters of preparing.
     """
 
     memory: int
-    rows: int
+    bands: Bands
     part: Part
 
 
@@ -74,27 +102,29 @@ class Work:
         workers : int
             Workers that will share it.
         """
+        bands = NO_BANDS
         with self.begun(fresh_marks=True) as (session, settings):
             if frame.width:
                 held = session.divide(session.store, settings, frame)
-                rows = rows_of_bands(frame, held.rows, held.rays, workers)
-                frame = frame._replace(band=rows)
+                bands = bands_of(frame, held.rows, held.rays, workers)
+                frame = frame._replace(band=bands.first)
             with session.tracer(settings, frame) as tracer:
                 stats = stats_of(tracer)
                 tracer.begin(stats)
-                return Prepared(settings.memory, frame.band, (this_worker().name, stats))
+                return Prepared(settings.memory, bands, (this_worker().name, stats))
 
     def with_budget(self, prepared: Prepared) -> Work:
         """Return the same work, inside the budget that marks were made for."""
         return replace(self, asked=replace(self.asked, memory=prepared.memory))
 
 
-def rows_of_bands(frame: FrameSize, most: int, rays: int, workers: int) -> int:
-    """Return the rows of each band of a frame that workers share.
+def bands_of(frame: FrameSize, most: int, rays: int, workers: int) -> Bands:
+    """Return the bands of a frame that workers share.
 
     A band of fewer rays than fit in memory at once only has the objects stream past more often. So
     there are as many bands as the frame fills memory times, within the limits of what evens out
-    the workers' work; one worker has nothing to even out.
+    the workers' work; one worker has nothing to even out. The last ones, one for each worker, are
+    half as high: who is done first takes what another would else be late with.
 
     Parameters
     ----------
@@ -106,7 +136,10 @@ def rows_of_bands(frame: FrameSize, most: int, rays: int, workers: int) -> int:
     times = math.ceil(count_eye_rays(frame.width, frame.height, frame.samples) / rays)
     fewest = FEWEST_BANDS * workers if workers > 1 else 1
     bands = max(fewest, min(MOST_BANDS * workers, times))
-    return max(1, min(most, -(-frame.height // bands)))
+    if bands == 1 and frame.height <= most:
+        return Bands(frame.height, frame.height, 1)
+    rows = max(1, min(most // 2, -(-frame.height // (2 * bands - workers))))
+    return Bands(rows, min(2 * rows, most), workers)
 
 
 def ready(work: Work) -> Prepared:

@@ -44,8 +44,8 @@ def by_workers(client: Any, sources: Sequence[SceneSource], report: DoneReport |
         done = bytes_of(sources) - sum(map(bytes_of_task, tasks))
         with Watch(client, 0, None) as watch:
             made = watch.begin(make_shard, [for_workers(task) for task in tasks], "shard")
-            for task, future in zip(tasks, made, strict=True):
-                yield watch.result(future)
+            for task, errand in zip(tasks, made, strict=True):
+                yield watch.result(errand)
                 done += bytes_of_task(task)
                 if read is not None:
                     read(done)

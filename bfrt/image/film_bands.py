@@ -23,9 +23,12 @@ def own_planes(film: Film) -> Planes:
     return [plane[first - begin : last - begin] for plane, _ in film.planes()]
 
 
-def add_band(film: Film, planes: Planes, image: ImageBuffer) -> None:
-    """Take a band's own elements, add its rows to a picture, and go on to the next band."""
-    for own, given in zip(own_planes(film), planes, strict=True):
-        own[...] = given
-    resolve(film, image)
-    film.advance()
+def add_bands(film: Film, planes: Planes, image: ImageBuffer, count: int) -> None:
+    """Take the own elements of some bands, one after another, and add their rows to a picture."""
+    begin, _ = film.elements()
+    for _ in range(count):
+        first, last = (element - begin for element in film.elements())
+        for own, given in zip(own_planes(film), planes, strict=True):
+            own[...] = given[first:last]
+        resolve(film, image)
+        film.advance()

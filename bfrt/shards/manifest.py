@@ -60,6 +60,9 @@ from bfrt.streams.atomic_write import write_parts
 #: The suffix of a sharded scene.
 SUFFIX = ".bfrts"
 
+#: Letters of the path of a shard: no system takes more.
+MOST_LETTERS = 4096
+
 MAGIC = "bfrt sharded scene"
 VERSION = 1
 
@@ -307,9 +310,11 @@ def _check_groups(shards: Sequence[Shard]) -> None:
 
 def place(value: Any) -> str:
     """Check where a shard is: a path from the folder of the file on."""
-    if isinstance(value, str) and value and not PurePosixPath(value).is_absolute():
-        return str(path_of("path", value))
-    raise ValueError(f"found {value!r:.60}, expected a relative path")
+    if not isinstance(value, str) or not value or PurePosixPath(value).is_absolute():
+        raise ValueError(f"found {value!r:.60}, expected a relative path")
+    if len(value) > MOST_LETTERS:
+        raise ValueError(f"found {value!r:.60}..., expected {MOST_LETTERS} letters or fewer")
+    return str(path_of("path", value))
 
 
 def shard_stream(value: Any) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bfrt.cluster.place import Place
-from bfrt.errors import BfrtError, StoreError
+from bfrt.errors import BfrtError, SettingError, StoreError
 from bfrt.shards.manifest import Manifest, read_manifest
 from bfrt.shards.store import ShardedStore, open_shard, open_sharded
 
@@ -90,20 +90,31 @@ def carriers_of(client: Any, path: str, manifest: Manifest) -> list[Carrier]:
     ------
     StoreError
         If a shard is seen by none; the message names a worker and the shard.
+    SettingError
+        If there is no worker.
     """
-    sights: dict[str, Sight] = client.run(seen, path)
-    return shared_out(manifest, sights)
+    found: dict[str, Any] = client.run(seen, path, on_error="return")
+    return shared_out(manifest, {worker: _sight(each) for worker, each in found.items()})
+
+
+def _sight(found: Any) -> Sight:
+    """Return what a worker sees: nothing, where it cannot look, or has ended meanwhile."""
+    return found if isinstance(found, Sight) else Sight((), f"{type(found).__name__}: {found}")
 
 
 def shared_out(manifest: Manifest, sights: Mapping[str, Sight]) -> list[Carrier]:
     """Return the carriers for what each worker, by its address, sees; else as `carriers_of`."""
+    if not sights:
+        raise SettingError(
+            "client: found no worker, expected one or more, as client.wait_for_workers(1) waits for"
+        )
     loads = dict.fromkeys(sights, 0)
     own: dict[str, list[int]] = {worker: [] for worker in sights}
     shards = manifest.shards
     for number in sorted(range(len(shards)), key=lambda n: (-shards[n].objects, n)):
         able = [worker for worker, sight in sights.items() if number in sight.numbers]
         if not able:
-            worker, sight = next(iter(sights.items()), ("no worker", Sight((), "there is none")))
+            worker, sight = next(iter(sights.items()))
             raise StoreError(f"{worker}: shard {number} cannot be opened: {sight.fault}")
         least = min(able, key=lambda worker: (loads[worker], worker))
         loads[least] += shards[number].objects + 1

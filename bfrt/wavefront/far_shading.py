@@ -129,8 +129,7 @@ class FarShading:
                 some = load[blocks.popleft()]
                 cargo = Cargo.of(some)
                 travel.hits += len(some)
-                travel.legs += 1
-                travel.bytes_sent += len(cargo)
+                travel.depart(cargo)
                 self._window.send(carrier, self._tasks[carrier], cargo)
 
     def _take(self, shaded: Shaded, film: Film, following: Spool, travel: ShadingTravel) -> None:

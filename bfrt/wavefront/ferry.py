@@ -184,9 +184,7 @@ class Ferry:
 
     def _send(self, carrier: int, shares: list[Share], travel: Travel) -> None:
         cargo = packed(shares)
-        travel.rays += sum(len(share.which) for share in shares)
-        travel.legs += 1
-        travel.bytes_sent += len(cargo)
+        travel.sent(sum(len(share.which) for share in shares), cargo)
         self._window.send(carrier, self._tasks[carrier], cargo, shares)
 
     def _arrive(self, travel: Travel) -> None:
@@ -195,8 +193,7 @@ class Ferry:
         traced: Traced = done.result
         self._count(traced.part)
         met = traced.cargo.records(MET)
-        travel.found += len(met)
-        travel.bytes_received += len(traced.cargo)
+        travel.came(len(met), traced.cargo)
         begin = 0
         for share in done.note:
             end = begin + len(share.which)

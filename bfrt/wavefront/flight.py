@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.cluster.counters import Part, summed
-from bfrt.cluster.watching import Watch
+from bfrt.cluster.watching import Errand, Watch
 from bfrt.queries.surfaces import SURFACE
 from bfrt.records import NO_HIT, QUERY_RAY
 from bfrt.wavefront.cargo import BLOCK, Cargo
@@ -122,7 +122,7 @@ class Flights:
 
     def fly(self, blocks: Iterator[Records]) -> Iterator[Block]:
         """Yield blocks of rays, (n,) of records.QUERY_RAY, in order, with what they have found."""
-        flying: deque[tuple[Block, list[Any]]] = deque()
+        flying: deque[tuple[Block, list[Errand]]] = deque()
         for rays in blocks:
             block = Block(rays, carrier_entries(rays, self._boxes), self._tasks[0].find)
             flying.append((block, self._depart(block)))
@@ -131,30 +131,27 @@ class Flights:
         while flying:
             yield self._land(*flying.popleft())
 
-    def _depart(self, block: Block) -> list[Any]:
+    def _depart(self, block: Block) -> list[Errand]:
         """Send rays to where they go next; return the tasks."""
-        futures = []
+        errands = []
         for carrier, which in block.departures():
             cargo = Cargo.of(block.rays[which])
-            self.travel.rays += len(which)
-            self.travel.bytes_sent += len(cargo)
-            self.travel.legs += 1
+            self.travel.sent(len(which), cargo)
             what = f"trace-{self.travel.legs}"
             workers = list(self._carriers[carrier].workers)
-            futures += self._watch.begin(self._tasks[carrier], [cargo], what, workers)
-        return futures
+            errands += self._watch.begin(self._tasks[carrier], [cargo], what, workers)
+        return errands
 
-    def _land(self, block: Block, futures: list[Any]) -> Block:
+    def _land(self, block: Block, errands: list[Errand]) -> Block:
         """Wait until a block's rays have been everywhere."""
-        while futures:
-            for future in futures:
-                traced: Traced = self._watch.result(future)
+        while errands:
+            for errand in errands:
+                traced: Traced = self._watch.result(errand)
                 records = traced.cargo.records(self._tasks[0].find.value)
-                self.travel.found += len(records)
-                self.travel.bytes_received += len(traced.cargo)
+                self.travel.came(len(records), traced.cargo)
                 self.parts.append(traced.part)
                 block.take(records)
-            futures = self._depart(block)
+            errands = self._depart(block)
         return block
 
     def stats(self, settings: dict[str, Any], objects: int) -> TravelStats:

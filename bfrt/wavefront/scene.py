@@ -114,7 +114,7 @@ class Wavefront:
                 "origins: found blocks, expected arrays or files: a cluster needs their number"
             )
         queue = RayQueue(self.store, rays.blocks, wanted.kind)
-        with Watch(self.client, 0, None) as watch:
+        with Watch(client_of(self.client), 0, None) as watch:
             flights = self._flights(watch, wanted.find, asked, refine)
             landed = told(flights.fly(blocks_of(queue)), rays.known, question.report)
             arrays = answer_of(wanted, landed, rays, question.out, self._path)
@@ -139,7 +139,9 @@ class Wavefront:
         """
         sites = [Site(place, asked, refine) for place in self._places()]
         wave = Wave(self.store, self.carriers, sites)
-        return frame.render(wave, self.client, view, report, fresh_marks=asked.fresh_marks)
+        return frame.render(
+            wave, client_of(self.client), view, report, fresh_marks=asked.fresh_marks
+        )
 
     def _places(self) -> list[ShardPlace]:
         """Return each carrier's shards."""

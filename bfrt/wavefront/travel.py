@@ -6,10 +6,32 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from bfrt.cluster.counters import ClusterStats
+from bfrt.wavefront.cargo import Cargo
 
 
 @dataclass
-class Travel:
+class Sent:
+    """Counts what is sent with tasks.
+
+    Attributes
+    ----------
+    legs : int
+        Tasks.
+    bytes_sent : int
+        Of the records, as they travel.
+    """
+
+    legs: int = 0
+    bytes_sent: int = 0
+
+    def depart(self, cargo: Cargo) -> None:
+        """Count a task, and what goes with it."""
+        self.legs += 1
+        self.bytes_sent += len(cargo)
+
+
+@dataclass
+class Travel(Sent):
     """Counts rays on their way to be traced.
 
     Attributes
@@ -18,21 +40,27 @@ class Travel:
         Rays sent: each as often as it goes to a carrier.
     found : int
         Records that come back: hits, counts, or rays that something stops.
-    legs : int
-        Tasks.
-    bytes_sent, bytes_received : int
-        Of the records, as they travel.
+    bytes_received : int
+        Of these, as they travel.
     """
 
     rays: int = 0
     found: int = 0
-    legs: int = 0
-    bytes_sent: int = 0
     bytes_received: int = 0
+
+    def sent(self, rays: int, cargo: Cargo) -> None:
+        """Count rays that depart."""
+        self.rays += rays
+        self.depart(cargo)
+
+    def came(self, found: int, cargo: Cargo) -> None:
+        """Count what has come back for them."""
+        self.found += found
+        self.bytes_received += len(cargo)
 
 
 @dataclass
-class ShadingTravel:
+class ShadingTravel(Sent):
     """Counts hits on their way to be shaded, and what comes back.
 
     Attributes
@@ -43,17 +71,13 @@ class ShadingTravel:
         Rays that go on from them.
     elements : int
         Elements of the film that get light.
-    legs : int
-        Tasks.
-    bytes_sent, bytes_of_rays, bytes_of_film : int
-        Of the records, as they travel.
+    bytes_of_rays, bytes_of_film : int
+        Of what comes back, as it travels.
     """
 
     hits: int = 0
     rays: int = 0
     elements: int = 0
-    legs: int = 0
-    bytes_sent: int = 0
     bytes_of_rays: int = 0
     bytes_of_film: int = 0
 

@@ -48,13 +48,13 @@ class Window:
         """Have a carrier's worker call a task; another does where that has ended."""
         self._sent += 1
         workers = list(self._carriers[carrier].workers)
-        (future,) = self._watch.begin(task, [given], f"leg-{self._sent}", workers)
-        self._under_way[future.key] = carrier, note
+        (errand,) = self._watch.begin(task, [given], f"leg-{self._sent}", workers)
+        self._under_way[errand.key] = carrier, note
         self._each[carrier] += 1
 
     def take(self) -> Done:
         """Wait for the first task that is done; raise what it raised."""
-        future = self._watch.first()
-        carrier, note = self._under_way.pop(future.key)
+        errand = self._watch.first()
+        carrier, note = self._under_way.pop(errand.key)
         self._each[carrier] -= 1
-        return Done(carrier, note, self._watch.result(future))
+        return Done(carrier, note, self._watch.result(errand))

@@ -9,6 +9,7 @@ import tempfile
 
 import pytest
 from cluster_fixtures import MEMORY, NEEDED, cluster_of
+from sharded_scenes import both, rays
 
 import bfrt
 from bfrt.errors import SettingError
@@ -86,3 +87,17 @@ def test_a_client_that_is_asynchronous(scene):
                 scene.render(client=client)
 
     asyncio.run(ask())
+
+
+def test_a_scene_whose_client_is_closed(tmp_path):
+    """It has it from the day that it was opened."""
+    pytest.importorskip("distributed", reason=NEEDED)
+    sharded = both(tmp_path, 2).sharded
+    with cluster_of(1, processes=False) as client:
+        far = bfrt.open(sharded.path, client=client)
+        client.close()
+        for ask in (far.render, lambda: far.cast_rays(*rays(3)), lambda: far.occluded(*rays(3))):
+            with pytest.raises(
+                SettingError, match="client: found one that is closed, expected one"
+            ):
+                ask()

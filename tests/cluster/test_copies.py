@@ -52,10 +52,18 @@ def test_a_copy_that_is_damaged_is_made_again(source, tmp_path, name):
     assert files(target) == files(source.path)
 
 
-def test_another_store_is_replaced(source, tmp_path):
+def test_another_store_is_replaced_where_that_is_asked_for(source, tmp_path):
     target = tmp_path / "copy.bfrt"
     build(target, "spatial", size=2)
-    bfrt.copy_store(source.path, target)
+    before = files(target)
+    with pytest.raises(SettingError) as caught:
+        bfrt.copy_store(source.path, target)
+    assert str(caught.value) == (
+        f"{target}: found another store, expected {source.path}, or nothing: overwrite=True "
+        "replaces it"
+    )
+    assert files(target) == before
+    bfrt.copy_store(source.path, target, overwrite=True)
     assert files(target) == files(source.path)
 
 

@@ -17,7 +17,7 @@ from cluster_fixtures import (
 )
 
 import bfrt
-from bfrt.cluster.work import rows_of_bands
+from bfrt.cluster.work import bands_of
 from bfrt.image.frame import FrameSize
 
 pytest.importorskip("distributed", reason=NEEDED)
@@ -83,17 +83,21 @@ def test_a_frame_of_one_row(shared_client, one):
 @pytest.mark.parametrize(
     ("height", "most", "rays", "workers", "rows"),
     [
-        (100, 100, 10**6, 1, 100),  # one worker, and memory for all rays at once
-        (100, 100, 10**6, 2, 25),  # two bands each
-        (100, 100, 100 * 101, 8, 7),  # two each: no more are worth it
-        (100, 100, 1000, 2, 13),  # more rays than memory holds: four each
-        (100, 100, 1, 1, 25),
-        (100, 3, 10**6, 2, 3),  # no more rows than memory holds
-        (3, 3, 10**6, 64, 1),  # no band without a row
+        (100, 100, 10**6, 1, [100]),  # one worker, and memory for all rays at once
+        (100, 100, 10**6, 2, [34, 34, 17, 15]),  # two bands each, the last ones half as high
+        (100, 100, 100 * 101, 4, [18, 18, 18, 18, 9, 9, 9, 1]),
+        (100, 100, 1000, 2, [16, 16, 16, 16, 16, 8, 8, 4]),  # no memory for all rays: four each
+        (100, 100, 1, 1, [30, 30, 30, 10]),
+        (12, 3, 10**6, 2, [2, 2, 2, 2, 2, 1, 1]),  # no more rows than memory holds
+        (3, 1, 10**6, 1, [1, 1, 1]),
+        (5, 1, 10**6, 2, [1, 1, 1, 1, 1]),
+        (3, 3, 10**6, 64, [1, 1, 1]),  # no band without a row
     ],
 )
 def test_how_a_frame_is_divided(height, most, rays, workers, rows):
-    assert rows_of_bands(FrameSize(100, height, 1), most, rays, workers) == rows
+    bands = bands_of(FrameSize(100, height, 1), most, rays, workers)
+    assert np.diff(bands.starts(height)).tolist() == rows
+    assert max(rows) <= bands.first <= most and bands.first % bands.rows == 0
 
 
 def test_marks_are_made_by_one_worker(shared_client, tmp_path):

@@ -75,6 +75,29 @@ def test_what_is_wrong_is_said(scene, told, change, says):
         parse_manifest(scene, header_text(wrong).encode())
 
 
+@pytest.mark.parametrize(
+    ("place", "shown"),
+    [
+        ("a\nb.bfrt", r"a\nb.bfrt: not a scene store"),
+        ("\x1b[31m'\"\x07.bfrt", r"\x1b[31m'" '"' r"\x07.bfrt: not a scene store"),
+        ("\u202etrfb.a", r"\u202etrfb.a: not a scene store"),
+        ("\ud800", r"found '\ud800', expected a path that can be encoded"),
+        ("x" * 5000, "x..., expected 4096 letters or fewer"),
+        ("..", ": not a scene store"),
+        ("part0.bfrt/scene.json", "scene.json: not a scene store"),
+        ("part0.bfrt/../part0.bfrt", "it is not the one that"),
+    ],
+)
+def test_paths_of_others_are_shown_on_one_line(scene, told, place, shown):
+    wrong = copy.deepcopy(told)
+    wrong["shards"][1]["path"] = place
+    path = scene.with_name("nasty.bfrts")
+    path.write_bytes(header_text(wrong).encode())
+    with pytest.raises(BfrtError) as caught:
+        bfrt.open(path)
+    assert shown in str(caught.value) and str(caught.value).isprintable()
+
+
 @pytest.mark.parametrize("text", [b"", b"{", b"[]", b"\xff", b"[" * 100000, b'{"magic": 1}'])
 def test_what_is_no_scene_is_said(tmp_path, text):
     path = tmp_path / "a.bfrts"
@@ -120,7 +143,7 @@ def test_a_changed_value_is_a_sentence_or_the_same_scene(scene, told, data):
     try:
         opened = bfrt.open(path)
     except BfrtError as error:
-        assert "\n" not in str(error)
+        assert str(error).isprintable()
         assert len(str(error)) < 1000
     else:
         assert opened.objects == bfrt.open(scene).objects

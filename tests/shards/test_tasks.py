@@ -9,7 +9,7 @@ import pytest
 from sharded_scenes import WAYS, assert_same_answer, both, rays
 
 from bfrt.cluster.asked import Asked
-from bfrt.errors import StoreError
+from bfrt.errors import SettingError, StoreError
 from bfrt.ids import stream_of
 from bfrt.queries.casting import hit_columns
 from bfrt.queries.rays import RayQueue, rays_of
@@ -109,7 +109,7 @@ def test_shards_stay_where_they_are_seen(scenes):
     assert {each.workers: each.numbers for each in carriers} == {("a",): (0, 3), ("b",): (1, 2)}
     with pytest.raises(StoreError, match=r"^a: shard \d cannot be opened: p: no"):
         shared_out(manifest, {"a": sights["a"]})
-    with pytest.raises(StoreError, match=r"^no worker: shard"):
+    with pytest.raises(SettingError, match=r"^client: found no worker, expected one or more"):
         shared_out(manifest, {})
 
 
