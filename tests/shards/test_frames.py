@@ -224,9 +224,9 @@ def test_parts_of_a_film_add_up_saturating():
 
 
 def test_only_what_is_touched_is_a_part():
-    film = film_of(3, ("albedo",))
-    film.planes()[0][0][1] = 5
     elements = np.array([7, 8, 90], np.uint32)
+    film = film_of(elements, ("albedo",))
+    film.planes()[0][0][1] = 5
     part = part_of(film, elements, np.array([False, False, True]), ("albedo",))
     assert part.sums["element"].tolist() == [8] and part.seen["element"].tolist() == [90]
     assert part.seen.dtype.names == ("element", "depth_normal", "id", "albedo")
