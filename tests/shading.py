@@ -147,7 +147,7 @@ def shade(
     place: Array,
     normal: ArrayLike,
     material: bfrt.Material,
-    lights: Sequence[bfrt.Light],
+    lights: Sequence[bfrt.Light | bfrt.Sun],
     clear: ArrayLike = True,
 ) -> Array:
     """What is seen from `eye` of a surface under these lights: ambient, Lambert and Phong.
@@ -157,13 +157,24 @@ def shade(
     color = np.array(material.color)
     light = np.full((*place.shape[:-1], 3), material.kd * color)
     to_eye = unit(np.subtract(eye, place))
-    for position, tint in lights:
-        to = unit(np.subtract(position, place))
+    for lamp in lights:
+        if isinstance(lamp, bfrt.Sun):
+            to = np.broadcast_to(toward(lamp), place.shape)
+            tint = np.multiply(lamp.intensity, lamp.color)
+        else:
+            to, tint = unit(np.subtract(lamp.position, place)), np.array(lamp.color)
         cosine = dot(normal, to)
         highlight = np.maximum(dot(mirrored(-to, normal), to_eye), 0) ** material.shine
         each = material.kd * cosine[..., None] * color + material.ks * highlight[..., None]
         light += np.where((clear & (cosine > 0))[..., None], each * tint, 0)
     return INTENSITY[len(lights)] * np.where(met(place)[..., None], light, 0)
+
+
+def toward(sun: bfrt.Sun) -> Array:
+    """The unit vector to a sun: a compass, with north at +y, that is tilted up."""
+    azimuth, elevation = np.radians([sun.azimuth, sun.elevation])
+    level = np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.cos(elevation) * level + np.sin(elevation) * np.array([0.0, 0.0, 1.0])
 
 
 def over(front: Array, hit: Mask, behind: ArrayLike) -> Array:
