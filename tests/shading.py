@@ -27,6 +27,15 @@ Thing = tuple[Any, ...]
 INTENSITY = {1: 0.5, 2: math.sqrt(2) / 4, 3: math.sqrt(3) / 6, 4: 0.25}
 
 
+#: Light of all kinds, for a scene of a few units about the origin.
+LIT: dict[str, Any] = {
+    "lights": (bfrt.Sun(140, 35, (1.0, 0.8, 0.6)), bfrt.Light((5.0, -8.0, 9.0)), bfrt.Sun(300, 5)),
+    "ambient": 0.8,
+    "ao": 5,
+    "ao_distance": 1.5,
+    "background": (0.1, 0.25, 0.5),
+}
+
 # --- scenes and pictures -----------------------------------------------------------------------
 
 
