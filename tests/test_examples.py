@@ -55,6 +55,7 @@ def test_there_are_examples():
         "balls",
         "cluster",
         "gallery",
+        "light",
         "mesh",
         "mount",
         "particles",
