@@ -93,9 +93,8 @@ def test_a_ball_shows_where_the_sun_is(written, azimuth):
     glossy = MATT._replace(ks=0.5, shine=20.0)
     lights = [Sun(azimuth, 35, (1, 0.5, 2)), Light((3, -5, 4))]
     camera = replace(ABOVE, angle=20)
-    image = rendered(
-        written([ball(1, glossy)]), camera, lights=lights, background=(0.25, 0, 1), depth=1
-    )
+    scene = written([ball(1, glossy)])
+    image = rendered(scene, camera, lights=lights, background=(0.25, 0, 1), depth=1)
     place = meet_ball(camera.eye, corner_rays(camera))
     seen = shade(camera.eye, place, place, glossy, lights)
     close(image.rgb, film(over(seen, met(place), (0.25, 0, 1))), atol=1e-7)
@@ -103,6 +102,33 @@ def test_a_ball_shows_where_the_sun_is(written, azimuth):
         (dot(place, way) > 0).sum() for way in (toward(lights[0]), lights[1].position - place)
     )
     assert image.stats.total.rays.shadow == facing
+
+
+@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
+@pytest.mark.parametrize("far", [0, 1e6], ids=["near", "far"])
+@pytest.mark.parametrize("elevation", [0.01, 0.5, 5.0])
+def test_a_low_sun_makes_no_spots(written, size, far, elevation):
+    """Where it grazes a ball, and a plane under it, all that faces it is lit."""
+
+    def moved(place):
+        return size * (np.asarray(place, float) + far)
+
+    sun = Sun(180, elevation, intensity=1e4)
+    camera = Camera((0, -6, 3), (0, 0, 1), angle=20, resolution=(24, 24))
+    there = replace(camera, eye=tuple(moved(camera.eye)), at=tuple(moved(camera.at)))
+    things = [("spheres", moved([[0, 0, 1]]), [size], WHITE)]
+    things.append(("polygons", moved(np.array(square(-5, 900))), [4], WHITE))
+    image = rendered(written(things), there, lights=[sun])
+    d, center = corner_rays(camera), (0, 0, 1)
+    ball_at, floor_at = meet_ball(camera.eye, d, 1, center), meet_level(camera.eye, d, -5)
+    clear = np.linalg.norm(np.cross(center - floor_at, toward(sun)), axis=-1) > 1
+    seen = over(
+        shade(camera.eye, ball_at, ball_at - center, WHITE, [sun]),
+        met(ball_at),
+        shade(camera.eye, floor_at, (0, 0, 1), WHITE, [sun], clear),
+    )
+    # n.l of 1e-4, of a place 1e6 times as far from the store's origin as the ball is large
+    np.testing.assert_allclose(image.rgb, film(seen), rtol=2e-6, atol=1e-4 if far else 1e-5)
 
 
 @pytest.mark.parametrize("height", [1.0, 3.0, 4000.0])
