@@ -93,6 +93,7 @@ class Planner(ABC, Generic[Held]):
             "resolution": list(view.camera.resolution),
             "samples": view.samples,
             "aovs": list(view.aovs),
+            "ao": view.illumination.ao,
         }
         self._frame = view.frame
         width, height = view.camera.resolution

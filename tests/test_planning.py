@@ -240,6 +240,8 @@ def test_rays_of_ambient_occlusion_are_planned(glass, tmp_path, ao):
     without = scene.plan(**{**settings, "ao": 0})
     hits = (without.rays.others_most - planned.rays.others_most) / -ao
     assert hits == int(hits) >= planned.rays.eye
+    assert f"a ray each corner, depth 5, ao {ao}" in str(planned) and "ao" not in str(without)
+    assert planned.as_dict()["settings"]["ao"] == ao
     assert planned.spool_bytes > without.spool_bytes and planned.disk.spools > without.disk.spools
     assert ao * image.stats.total.rays.eye_hits < image.stats.total.rays.shadow
 
