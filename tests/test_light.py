@@ -416,23 +416,29 @@ def test_neighbors_do_not_share_their_rays(crowd):
     assert blocks.std() < 2 * error.std() / 4
 
 
-def test_what_a_mirror_shows_sends_its_part_of_the_rays(written):
-    """A quarter of the light of a mirror: a quarter of the rays, and the ceiling's shade in it."""
-    mirror = Material((1, 1, 1), 0, 0.25)
+@pytest.mark.parametrize(
+    ("ks", "rays", "each"),
+    [(0.25, 16, 4), (0.1, 20, 2), (0.1, 3, 1), (0.3, 9, 3), (0.7, 64, 45), (1.5, 8, 8)],
+)
+def test_what_a_mirror_shows_sends_its_part_of_the_rays(written, ks, rays, each):
+    """Rounded up, and no more than an eye hit does."""
+    mirror = Material((1, 1, 1), 0, ks)
     camera = Camera((0, -4, 2), (0, 0, 1), angle=30, resolution=(16, 12))
-    wall = np.array([[-50, 3, 0.5], [50, 3, 0.5], [50, 3, 50], [-50, 3, 50]])
-    roof = np.array([[-50, -50, 60], [50, -50, 60], [50, 50, 60], [-50, 50, 60]])
+    wall = np.array([[-90, 3, -1], [90, 3, -1], [90, 3, 70], [-90, 3, 70]])
+    roof = np.array([[-90, -90, 60], [90, -90, 60], [90, 90, 60], [-90, 90, 60]])
     scene = written(
         [floor(0, 50, mirror), ("polygons", wall, [4], WHITE), ("polygons", roof, [4], MATT)]
     )
-    image = rendered(scene, camera, ao=16, **OPEN)
+    image = rendered(scene, camera, ao=rays, **OPEN)
     d = corner_rays(camera)
     down = met(meet_level(camera.eye, d, 0)) & (image_ids_of(scene, camera) == 0)
-    rays = image.stats.depths[0].rays
-    assert rays.shadow == 16 * (~down).sum()  # mirrors without kd have no ambient light to ask for
-    shown = image.stats.depths[1].rays  # of a quarter of the light
-    assert rays.reflection == down.sum() and shown.shadow > 0
-    assert shown.shadow % 4 == 0 and shown.shadow <= 4 * down.sum()
+    sent = image.stats.depths[0].rays
+    assert (
+        sent.shadow == rays * (~down).sum()
+    )  # mirrors without kd have no ambient light to ask for
+    shown = image.stats.depths[1].rays
+    assert sent.reflection == down.sum() > 20
+    assert shown.shadow == each * down.sum()  # the wall and the roof are all around
 
 
 def image_ids_of(scene, camera):

@@ -292,7 +292,8 @@ cdef class Shader:
         cdef Vec o = add(s.place, i.offset)
         cdef Vec d
         cdef double weight = min(1.0, largest(vec(h.red, h.green, h.blue)))
-        cdef int64_t k, rays = <int64_t>ceil(weight * self.occlusion)
+        # Weights are float32: what is a whole number but for that is no more.
+        cdef int64_t k, rays = <int64_t>ceil(weight * self.occlusion * (1.0 - 1.0 / (1 << 20)))
         cdef uint64_t number = film_number(self.film, h.pixel)
         # 2^32 more than a pixel's: not the numbers that have placed its samples.
         cdef uint64_t seed = mixed(mixed(number + (<uint64_t>1 << 32)) + h.sample)
