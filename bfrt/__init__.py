@@ -35,6 +35,7 @@ OFFERED = {
     "ShortReadError": "bfrt.errors:ShortReadError",
     "StoreError": "bfrt.errors:StoreError",
     "StreamError": "bfrt.errors:StreamError",
+    "Sun": "bfrt.store.sun:Sun",
     "cast_rays": "bfrt.scene:cast_rays",
     "clean": "bfrt.cleaning:clean",
     "convert": "bfrt.conversion.convert:convert",

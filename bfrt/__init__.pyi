@@ -36,6 +36,7 @@ from bfrt.sharded import ShardedScene
 from bfrt.sharded import open_scene as open
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.model import Camera, Light, Material
+from bfrt.store.sun import Sun
 from bfrt.streams.litter import Litter
 from bfrt.terrain.viewshed import viewshed
 
@@ -63,6 +64,7 @@ __all__ = [
     "ShortReadError",
     "StoreError",
     "StreamError",
+    "Sun",
     "cast_rays",
     "clean",
     "convert",

@@ -11,6 +11,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import numpy as np
+
 from bfrt.budget import GridCapacities
 from bfrt.checkpoint.soundness import expect
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
@@ -107,6 +109,7 @@ class GridTracer(Tracer):
     def trace(self, queue: Queue, outcome: Outcome, counters: Counters, tell: Tell) -> None:
         """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
         passage = Passage(self._traversal, counters, tell)
+        background = np.array(outcome.background, np.float64)
         self._traversal.begin(outcome.crossings)
         first, self._first = self._first, 0
         for number, group in enumerate(self.groups[first:], first):
@@ -117,7 +120,7 @@ class GridTracer(Tracer):
             source: Queue = came if number else queue
             if len(source) or self._traversal.active:
                 self._enter(group)
-            passage.go(group, source, Sinks(hits, outcome.film, self.background, last))
+            passage.go(group, source, Sinks(hits, outcome.film, background, last))
             for spool in self._between:
                 counters.phases.traversal.spooled(spool)
             if number:

@@ -289,6 +289,7 @@ Rows = Sequence[tuple[str, ...]]
 def _amounts(plan: Plan) -> Rows:
     s = plan.settings
     samples = f"{s['samples']} samples" if s["samples"] else "a ray each corner"
+    occlusion = f", ao {s['ao']}" if s["ao"] else ""
     image = "on disk" if plan.frame_on_disk else "in memory"
     return [
         ("what", "amount", "note"),
@@ -298,7 +299,7 @@ def _amounts(plan: Plan) -> Rows:
         ("candidates", f"{plan.candidates:,}", "exact"),
         ("hits in memory", f"{plan.hits:,}", "exact"),
         ("queued in memory", f"{plan.queue:,}", "exact"),
-        ("pixels", "{} x {}".format(*s["resolution"]), f"{samples}, depth {s['depth']}"),
+        ("pixels", "{} x {}".format(*s["resolution"]), f"{samples}, depth {s['depth']}{occlusion}"),
         ("bands of rows", f"{plan.bands:,}", f"image {image}"),
         ("eye rays", f"{plan.rays.eye:,}", "exact"),
         ("other rays", f"{plan.rays.others:,}", "estimate"),

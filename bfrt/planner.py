@@ -93,6 +93,7 @@ class Planner(ABC, Generic[Held]):
             "resolution": list(view.camera.resolution),
             "samples": view.samples,
             "aovs": list(view.aovs),
+            "ao": view.illumination.ao,
         }
         self._frame = view.frame
         width, height = view.camera.resolution
@@ -100,12 +101,10 @@ class Planner(ABC, Generic[Held]):
         self.eye = count_eye_rays(width, height, view.samples)
         # The first band is the largest, by the corners that it does not share.
         band = count_eye_rays(width, min(held.rows, height), view.samples)
-        onward, lights = onward_rays(store), len(view.lights)
-        a = ASSUMED
-        self.likely = waves(
-            band, view.depth, hits=a.hits, onward=a.onward[onward], shadows=a.facing * lights
-        )
-        self.most = waves(band, view.depth, hits=1.0, onward=onward, shadows=lights)
+        onward, light, a = onward_rays(store), view.illumination, ASSUMED
+        shadows = a.facing * len(light.lights) + light.ao
+        self.likely = waves(band, view.depth, hits=a.hits, onward=a.onward[onward], shadows=shadows)
+        self.most = waves(band, view.depth, hits=1.0, onward=onward, shadows=light.shadow_rays)
 
     @abstractmethod
     def preprocess(self) -> PhasePlan:

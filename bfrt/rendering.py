@@ -7,12 +7,15 @@ import time
 from collections.abc import Iterable
 
 from bfrt.checkpoint.checkpoint import Checkpoint
+from bfrt.illumination import Illumination, light_intensity
 from bfrt.image.film_bands import Planes, own_planes
 from bfrt.image.picture import Image
 from bfrt.progress import Report
 from bfrt.scheduler import Render
 from bfrt.stats import Stats, peak_rss
+from bfrt.store.model import Light
 from bfrt.store.store import Store
+from bfrt.store.sun import Sun
 from bfrt.tracer import Tracer
 from bfrt.view import View
 
@@ -109,7 +112,7 @@ def stats_of(tracer: Tracer) -> Stats:
 def describe(store: Store, view: View) -> dict[str, str]:
     """Return metadata: the scene and all that changes the picture, added lights included.
 
-    Threads, budget and time change nothing, and are left out.
+    Threads, budget and time change nothing, and are left out; so is light that is the scene's own.
     """
     camera = view.camera
     facts = {
@@ -123,10 +126,30 @@ def describe(store: Store, view: View) -> dict[str, str]:
         "samples": str(view.samples) if view.samples else "corners",
         "depth": str(view.depth),
     }
-    if view.added:
-        lights = (digits([*position, *color]) for position, color in view.added)
-        facts["lights"] = f"automatic: {', '.join(lights)}"
+    return facts | describe_light(store, view.illumination)
+
+
+def describe_light(store: Store, light: Illumination) -> dict[str, str]:
+    """Return metadata of light that is not the scene's own."""
+    facts = {}
+    if light.lights != tuple(store.lights) or not light.lights:
+        which = "automatic: " if light.added else ""
+        facts["lights"] = which + (", ".join(map(described, light.lights)) or "none")
+    if light.ambient != light_intensity(len(light.lights)):
+        facts["ambient"] = digits([light.ambient])
+    if light.ao:
+        facts["ao"] = str(light.ao)
+        facts["ao_distance"] = digits([light.ao_distance])
+    if light.background != store.background:
+        facts["background"] = digits(light.background)
     return facts
+
+
+def described(light: Light | Sun) -> str:
+    """Return a light as metadata has it: a sun by azimuth and elevation, then the color."""
+    if isinstance(light, Sun):
+        return f"sun {digits([light.azimuth, light.elevation, *light.strength])}"
+    return digits([*light.position, *light.color])
 
 
 def digits(numbers: Iterable[float]) -> str:

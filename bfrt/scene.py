@@ -26,6 +26,7 @@ from bfrt.cluster.place import Place
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
+from bfrt.illumination import LightAsked
 from bfrt.image.picture import Image
 from bfrt.ordering_planning import ordering_of
 from bfrt.planned import Plan
@@ -44,6 +45,7 @@ from bfrt.shards.store import open_any
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store
+from bfrt.store.sun import Sun
 from bfrt.store.writer import StoreWriter
 from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, View
@@ -299,6 +301,11 @@ class Scene:
         samples: int | None = None,
         depth: int = DEPTH,
         aovs: Sequence[str] = (),
+        lights: Sequence[Light | Sun] | None = None,
+        ambient: float | None = None,
+        ao: int = 0,
+        ao_distance: float | None = None,
+        background: Vector | None = None,
         refine: str | None = None,
         fresh_marks: bool = False,
         grid: int | None = None,
@@ -333,6 +340,22 @@ class Scene:
             sample: P.X P.Y P.Z, world coordinates, inf on a miss; albedo.R albedo.G albedo.B, the
             material's color, 0 on a miss. Each takes 12 bytes a pixel, twice while the frame is in
             memory.
+        lights : sequence of Light and Sun, optional
+            The lights, in place of the scene's own and of those that a scene without any gets;
+            ``[*scene.lights, Sun(315, 45)]`` keeps its own. Without any there is ambient light
+            alone.
+        ambient : float, optional
+            Intensity of the ambient light, 0 or more, which a surface has in ``kd`` times its
+            color. By default that of each of n lights, sqrt(n) / (2 n), and 1 without lights.
+        ao : int
+            Ambient occlusion: that many rays from each eye hit, 65536 at the most, find out from
+            how much of the hemisphere ambient light comes. What is seen by mirrors and through
+            glass sends a part of them, as large as the part that it is seen by. 0 is none.
+        ao_distance : float, optional
+            How far these rays go, world units: one that meets nothing until there lets the light
+            come. By default through all of the scene.
+        background : tuple of 3 float, optional
+            The color of rays that meet nothing, linear RGB. By default the scene's.
         refine : {"tree", "sgb", "sg", "base"}, optional
             ``tree``: rays go through treelets, in place of a grid; for stores in spatial order,
             where it is the default unless something of a grid is asked for. The paper's
@@ -388,7 +411,8 @@ class Scene:
         DiskFullError, StreamError
             If the system refuses a read or a write.
         """
-        view = View.of(self.store, camera, samples, depth, aovs)
+        light = LightAsked(lights, ambient, ao, ao_distance, background)
+        view = View.of(self.store, camera, samples, depth, aovs, light)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         if client is not None and client is not False:
             asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
@@ -438,6 +462,11 @@ class Scene:
         samples: int | None = None,
         depth: int = DEPTH,
         aovs: Sequence[str] = (),
+        lights: Sequence[Light | Sun] | None = None,
+        ambient: float | None = None,
+        ao: int = 0,
+        ao_distance: float | None = None,
+        background: Vector | None = None,
         refine: str | None = None,
         fresh_marks: bool = False,
         grid: int | None = None,
@@ -451,7 +480,9 @@ class Scene:
         ----------
         resolution : tuple of 2 int, optional
             Width and height in pixels, 1 to 65535 each, instead of the camera's.
-        memory, threads, camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid, scratch
+        memory, threads, camera, samples, depth, aovs, lights, ambient, ao, ao_distance, background
+            As for `render`.
+        refine, fresh_marks, grid, max_grid, scratch
             As for `render`.
         checkpoint : path-like, optional
             As for `render`; here it only adds its bytes on disk.
@@ -466,7 +497,8 @@ class Scene:
         StoreError, BudgetError, SettingError
             As for `render`.
         """
-        view = View.of(self.store, camera, samples, depth, aovs).sized(resolution)
+        light = LightAsked(lights, ambient, ao, ao_distance, background)
+        view = View.of(self.store, camera, samples, depth, aovs, light).sized(resolution)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         held = self._session.divide(self.store, settings, view.frame)

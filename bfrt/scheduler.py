@@ -71,7 +71,7 @@ class Render:
         self._state = RenderState.first(store, room, tracer.scratch, view, stats)
         eye = view_vectors(view.camera, store.origin)[0]
         film, workers = self._state.film, tracer.workers
-        self._shading = Shading(store, view.lights, film, eye, room.hits, workers)
+        self._shading = Shading(store, view.illumination, film, eye, room.hits, workers)
 
     def run(self) -> ImageBuffer:
         """Trace all bands; return the finished picture."""
@@ -132,7 +132,8 @@ class Render:
     def _trace(self, saved: SavedState | None, counters: Counters) -> None:
         """Find the hits of the rays that wait, and of those that were in flight."""
         state = self._state
-        outcome = Outcome(state.hits, state.film)
+        background = self._view.illumination.background
+        outcome = Outcome(state.hits, state.film, background=background)
         start = Progress(state.depth, 0, len(state.queue), state.band, state.bands)
         if saved is not None:
             start = self._go_on(saved, start, outcome, counters)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from bfrt.cluster.asked import Asked
 from bfrt.errors import SettingError
 from bfrt.ids import kind_of
+from bfrt.illumination import LightAsked
 from bfrt.image.picture import Image
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
@@ -24,7 +25,8 @@ from bfrt.scene import open_scene as open_here
 from bfrt.settings import FINEST
 from bfrt.shards.manifest import SUFFIX, Manifest
 from bfrt.store.extent import Bounds
-from bfrt.store.model import Camera, Light
+from bfrt.store.model import Camera, Light, Vector
+from bfrt.store.sun import Sun
 from bfrt.view import DEPTH, View
 from bfrt.wavefront.scene import ALL, ANY, COUNT, NEAREST, Wanted, Wavefront
 
@@ -119,6 +121,11 @@ class ShardedScene:
         samples: int | None = None,
         depth: int = DEPTH,
         aovs: Sequence[str] = (),
+        lights: Sequence[Light | Sun] | None = None,
+        ambient: float | None = None,
+        ao: int = 0,
+        ao_distance: float | None = None,
+        background: Vector | None = None,
         refine: str | None = None,
         fresh_marks: bool = False,
         grid: int | None = None,
@@ -138,7 +145,9 @@ class ShardedScene:
             Each worker's; by default a quarter of its limit, and all its threads. The client takes
             a quarter of what its machine has: a larger frame is rendered in bands of rows, and rays
             and hits beyond that wait on its disk, beside the scene's file.
-        camera, samples, depth, aovs, refine, fresh_marks, grid, max_grid
+        camera, samples, depth, aovs, lights, ambient, ao, ao_distance, background
+            As for `Scene.render`.
+        refine, fresh_marks, grid, max_grid
             As for `Scene.render`.
         scratch : path-like, optional
             A folder that each worker has; by default its own on its disk.
@@ -163,7 +172,8 @@ class ShardedScene:
                 "checkpoint: found one for a scene on a cluster, expected None: where a worker "
                 "ends, others do its tasks again"
             )
-        view = View.of(self._wavefront.store, camera, samples, depth, aovs)
+        light = LightAsked(lights, ambient, ao, ao_distance, background)
+        view = View.of(self._wavefront.store, camera, samples, depth, aovs, light)
         asked = Asked(memory, threads, refine or FINEST, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
             return self._wavefront.render(view, asked, refine, report)

@@ -16,8 +16,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
-import numpy as np
-
 from bfrt.budget import Capacities
 from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.image.film import Film
@@ -28,6 +26,7 @@ from bfrt.records import PATH_BYTES, RAY_BYTES
 from bfrt.scan.scans import GroupScans
 from bfrt.settings import Settings
 from bfrt.stats import Counters, Stats
+from bfrt.store.model import Vector
 from bfrt.store.store import Store
 from bfrt.workers import Workers
 
@@ -48,11 +47,14 @@ class Outcome(NamedTuple):
         Takes the light of shadow rays that met nothing, and the background of others.
     crossings : AllHits, optional
         Takes all that rays meet, each of which then goes on to its end.
+    background : tuple of 3 float
+        The color of rays that meet nothing, where there is a film.
     """
 
     hits: Sink
     film: Film | None = None
     crossings: AllHits | None = None
+    background: Vector = (0.0, 0.0, 0.0)
 
 
 class Tracer(ABC):
@@ -72,8 +74,6 @@ class Tracer(ABC):
         Folder for what memory does not hold.
     prepared : Counters
         The time and traffic of making all this ready.
-    background : (3,) float64
-        The color of rays that meet nothing.
     """
 
     def __init__(self, store: Store, settings: Settings, capacities: Capacities) -> None:
@@ -83,7 +83,6 @@ class Tracer(ABC):
         self.scratch = settings.scratch_beside(store.path)
         self.prepared = Counters()
         self.workers = Workers(capacities.threads)
-        self.background = np.array(store.background, np.float64)
         self._process = os.getpid()
 
     @property

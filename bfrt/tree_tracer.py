@@ -114,7 +114,8 @@ class TreeTracer(Tracer):
     def trace(self, queue: Queue, outcome: Outcome, counters: Counters, tell: Tell) -> None:
         """Find what every ray in `queue` meets; `tell` gets the rays finished so far."""
         rays, phases = self._rays, counters.phases
-        sinks = Sinks(outcome.hits, outcome.film, self.background, last=True)
+        background = np.array(outcome.background, np.float64)
+        sinks = Sinks(outcome.hits, outcome.film, background, last=True)
         crossings = outcome.crossings
         if crossings is not None:
             crossings.attach(*rays.all)

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from bfrt.errors import SettingError
-from bfrt.framing import framing_camera, framing_lights
+from bfrt.framing import framing_camera
+from bfrt.illumination import AS_IT_IS, Illumination, LightAsked
 from bfrt.image.frame import FrameSize
 from bfrt.records import ON_REQUEST
 from bfrt.settings import at_least_one
-from bfrt.store.model import Camera, Light
+from bfrt.store.model import Camera
 from bfrt.store.store import Store
 
 #: SPD's procedure: one ray at each pixel corner, five hits deep.
@@ -28,10 +29,7 @@ class View:
     Attributes
     ----------
     camera : Camera
-    lights : list of Light
-        The scene's, and those that were added to it.
-    added : list of Light
-        Those, where the scene has none.
+    illumination : Illumination
     samples : int
         A pixel; 0 puts one at each pixel corner.
     depth : int
@@ -41,8 +39,7 @@ class View:
     """
 
     camera: Camera
-    lights: list[Light]
-    added: list[Light]
+    illumination: Illumination
     samples: int
     depth: int
     aovs: tuple[str, ...]
@@ -55,6 +52,7 @@ class View:
         samples: int | None,
         depth: int,
         aovs: Sequence[str],
+        light: LightAsked = AS_IT_IS,
     ) -> View:
         """Check the view that a caller asks for, as in `bfrt.render`.
 
@@ -67,11 +65,9 @@ class View:
         if camera is not None and not isinstance(camera, Camera):
             raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera or None")
         camera = camera or store.camera or framing_camera(store)
-        added = [] if store.lights else framing_lights(store, camera)
         return cls(
             camera=camera,
-            lights=[*store.lights, *added],
-            added=added,
+            illumination=Illumination.of(store, camera, light),
             samples=CORNERS if samples is None else at_least_one("samples", samples, MOST_SAMPLES),
             depth=at_least_one("depth", depth),
             aovs=aovs_of(aovs),

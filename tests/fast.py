@@ -193,7 +193,6 @@ def _traced(
 ) -> Iterator[tuple[Spool, Film, Counters]]:
     crowded = replace(
         store,
-        background=(1.0, 0.0, 0.0),
         groups=[CrowdedGroup(g.number, g.streams, g.grid_bounds, g.outliers) for g in store.groups],
     )
     film = Film(max(1, len(rays)), 1, 1)
@@ -208,7 +207,9 @@ def _traced(
         with GridTracer(crowded, settings, capacities) as tracer:
             counters.add(tracer.prepared)
             queue.append(rays)
-            tracer.trace(queue, Outcome(hits, film), counters, told.append)
+            tracer.trace(
+                queue, Outcome(hits, film, background=(1.0, 0.0, 0.0)), counters, told.append
+            )
             assert told == sorted(told)
             assert told[-1] == len(rays)
             yield hits, film, counters

@@ -27,6 +27,15 @@ Thing = tuple[Any, ...]
 INTENSITY = {1: 0.5, 2: math.sqrt(2) / 4, 3: math.sqrt(3) / 6, 4: 0.25}
 
 
+#: Light of all kinds, for a scene of a few units about the origin.
+LIT: dict[str, Any] = {
+    "lights": (bfrt.Sun(140, 35, (1.0, 0.8, 0.6)), bfrt.Light((5.0, -8.0, 9.0)), bfrt.Sun(300, 5)),
+    "ambient": 0.8,
+    "ao": 5,
+    "ao_distance": 1.5,
+    "background": (0.1, 0.25, 0.5),
+}
+
 # --- scenes and pictures -----------------------------------------------------------------------
 
 
@@ -147,7 +156,7 @@ def shade(
     place: Array,
     normal: ArrayLike,
     material: bfrt.Material,
-    lights: Sequence[bfrt.Light],
+    lights: Sequence[bfrt.Light | bfrt.Sun],
     clear: ArrayLike = True,
 ) -> Array:
     """What is seen from `eye` of a surface under these lights: ambient, Lambert and Phong.
@@ -157,13 +166,24 @@ def shade(
     color = np.array(material.color)
     light = np.full((*place.shape[:-1], 3), material.kd * color)
     to_eye = unit(np.subtract(eye, place))
-    for position, tint in lights:
-        to = unit(np.subtract(position, place))
+    for lamp in lights:
+        if isinstance(lamp, bfrt.Sun):
+            to = np.broadcast_to(toward(lamp), place.shape)
+            tint = np.multiply(lamp.intensity, lamp.color)
+        else:
+            to, tint = unit(np.subtract(lamp.position, place)), np.array(lamp.color)
         cosine = dot(normal, to)
         highlight = np.maximum(dot(mirrored(-to, normal), to_eye), 0) ** material.shine
         each = material.kd * cosine[..., None] * color + material.ks * highlight[..., None]
         light += np.where((clear & (cosine > 0))[..., None], each * tint, 0)
     return INTENSITY[len(lights)] * np.where(met(place)[..., None], light, 0)
+
+
+def toward(sun: bfrt.Sun) -> Array:
+    """The unit vector to a sun: a compass, with north at +y, that is tilted up."""
+    azimuth, elevation = np.radians([sun.azimuth, sun.elevation])
+    level = np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.cos(elevation) * level + np.sin(elevation) * np.array([0.0, 0.0, 1.0])
 
 
 def over(front: Array, hit: Mask, behind: ArrayLike) -> Array:

@@ -113,6 +113,24 @@ def test_a_resolution_is_one_word_or_two(nff, tmp_path, option, size):
         assert (tmp_path / "b.npy").read_bytes() == out.read_bytes()
 
 
+def test_the_light_can_be_another(nff, tmp_path, capsys):
+    scene = bfrt.convert(nff, tmp_path / "a.bfrt")
+    options = ["--sun", "-45", "30.5", "--ambient", "0.25", "--ao", "3", "--ao-distance", "1e1"]
+    options += ["--background", "0.5", "0", "1", "--memory", "128MiB", "--stats", "a.json"]
+    done = run("render", "a.bfrt", "-o", "a.npy", *options, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    expected = scene.render(
+        lights=[bfrt.Sun(-45, 30.5)], ambient=0.25, ao=3, ao_distance=10, background=(0.5, 0, 1),
+        memory="128MiB",
+    )  # fmt: skip
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), expected.rgba)
+    told = json.loads((tmp_path / "a.json").read_text())
+    assert told["rays"]["shadow"] == expected.stats.total.rays.shadow > 0
+    assert main(["render", str(scene.path), "--plan", *options[:-2]]) == 0
+    assert str(scene.plan(ao=3, lights=[bfrt.Sun(0, 9)], memory="128MiB"))[:200]
+    capsys.readouterr()
+
+
 @pytest.mark.parametrize("number", ["-1e1", "-10.", "-1.E+01", "-.1e2", "-10"])
 def test_a_negative_number_is_no_option(nff, tmp_path, number):
     out = tmp_path / "a.npy"
@@ -331,6 +349,14 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
         (["spd", "rings", "3"], 2, "expected -o"),
         (["convert", "no.nff", "-o", "x.bfrt"], 1, "no.nff"),
         (["verify", "scene.nff"], 1, "not a scene store"),
+        (
+            ["render", "scene.nff", "-o", "x.png", "--sun", "0", "99"],
+            2,
+            "--sun: elevation of a sun",
+        ),
+        (["render", "scene.nff", "-o", "x.png", "--ao", "-1"], 2, "ao: found -1"),
+        (["render", "scene.nff", "-o", "x.png", "--ao-distance", "2"], 2, "found 2.0 without ao"),
+        (["render", "scene.nff", "-o", "x.png", "--ambient", "-1"], 2, "ambient: found -1"),
         (["render"], 2, "usage"),
     ],
 )

@@ -56,6 +56,7 @@ def test_there_are_examples():
         "cluster",
         "gallery",
         "layouts",
+        "light",
         "mesh",
         "mount",
         "particles",

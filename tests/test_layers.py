@@ -21,6 +21,7 @@ LAYERS = [
     {"store"},
     {"shards"},
     {"formats", "framing"},
+    {"illumination"},
     {"view"},
     {"checkpoint"},
     {"scan"},

@@ -229,6 +229,23 @@ def test_a_scene_without_camera_and_lights_is_planned_as_it_is_framed_and_lit(tm
     assert 0 < image.stats.total.rays.shadow <= planned.rays.others_most
 
 
+@pytest.mark.parametrize("ao", [1, 6])
+def test_rays_of_ambient_occlusion_are_planned(glass, tmp_path, ao):
+    scene = bfrt.open(shutil.copytree(glass.path, tmp_path / "glass.bfrt"))
+    light = {"ao": ao, "lights": [bfrt.Sun(200, 30)]}
+    settings = {"memory": "80MiB", "threads": 2, "resolution": (200, 150), **light}
+    planned, image, bands = both(scene, **settings)
+    exact(planned, image, bands)
+    estimated(planned, image.stats)
+    without = scene.plan(**{**settings, "ao": 0})
+    hits = (without.rays.others_most - planned.rays.others_most) / -ao
+    assert hits == int(hits) >= planned.rays.eye
+    assert f"a ray each corner, depth 5, ao {ao}" in str(planned) and "ao" not in str(without)
+    assert planned.as_dict()["settings"]["ao"] == ao
+    assert planned.spool_bytes > without.spool_bytes and planned.disk.spools > without.disk.spools
+    assert ao * image.stats.total.rays.eye_hits < image.stats.total.rays.shadow
+
+
 def test_a_view_is_checked(glass, tmp_path):
     with bfrt.SceneWriter(tmp_path / "empty.bfrt") as writer:
         writer.light(bfrt.Light((0, 0, 1)))

@@ -97,11 +97,10 @@ def test_the_compiler_agrees():
     settled(np.zeros(0, records.HIT))  # and a pool views its memory as RAY and PATH
     Shader(
         np.zeros(0, records.MATERIAL),
-        Lighting(np.zeros((0, 6)), 1.0),
+        Lighting(np.zeros((0, 7)), 1.0, 0, 1.0),
         np.zeros(3),
         np.zeros(3),
         Film(1, 1, 1),
-        2,
     )
     for wrong in ([*records.HIT.descr[1:], records.HIT.descr[0]], records.HIT.descr[:-1]):
         with pytest.raises(ValueError, match="Buffer dtype mismatch"):

@@ -60,7 +60,42 @@ REFUSED_OF_A_VIEW = [
     ("depth", None, f"depth: found None, {NO_COUNT}"),
     ("aovs", "albedo", "aovs: found 'albedo', expected a sequence of position, albedo"),
     ("aovs", ["Q"], "aovs: found 'Q', expected a sequence of position, albedo"),
+    ("lights", 3, "lights: found 3, expected a sequence of Light and Sun"),
+    ("lights", "sun", "lights: found 'sun', expected a sequence of Light and Sun"),
+    (
+        "lights",
+        bfrt.Light((0, 0, 1)),
+        "lights: found Light(position=(0, 0, 1), "
+        "color=(1.0, 1.0, 1.0)), expected a sequence of Light and Sun",
+    ),
+    ("lights", [(0, 0, 1)], "lights: found (0, 0, 1) among them, expected a Light or a Sun"),
+    (
+        "lights",
+        [bfrt.Light((0, 0))],
+        "lights: position: found (0, 0), expected three finite numbers",
+    ),
+    (
+        "lights",
+        [bfrt.Light((0, 0, 1), (np.nan, 0, 0))],
+        "lights: color: found (nan, 0, 0), expected three finite numbers",
+    ),
+    ("ambient", -1, "ambient: found -1, expected a number of 0 or more"),
+    ("ambient", np.nan, "ambient: found nan, expected a number of 0 or more"),
+    ("ambient", np.inf, "ambient: found inf, expected a number of 0 or more"),
+    ("ambient", True, "ambient: found True, expected a number of 0 or more"),
+    ("ambient", "dim", "ambient: found 'dim', expected a number of 0 or more"),
+    ("background", (1, 2), "background: found (1, 2), expected three finite numbers"),
+    ("background", (0, 0, np.inf), "background: found (0, 0, inf), expected three finite numbers"),
+    ("ao", -1, "ao: found -1, expected a whole number of 0 or more"),
+    ("ao", 1.5, "ao: found 1.5, expected a whole number of 0 or more"),
+    ("ao", True, "ao: found True, expected a whole number of 0 or more"),
+    ("ao", None, "ao: found None, expected a whole number of 0 or more"),
+    ("ao", 65537, "ao: found more than 65536, expected a number from 1 to that"),
+    ("ao_distance", 1.0, "ao_distance: found 1.0 without ao, which it is of"),
 ]
+
+#: Lengths of rays of ambient occlusion that are none.
+NO_LENGTH = "expected a length of 1e-150 or more"
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +166,13 @@ def test_more_memory_than_the_machine_has_is_only_a_limit(tmp_path, memory):
 def test_those_of_a_view_too(scene, name, value, said):
     assert refusal(scene.render, **{name: value}) == said
     assert refusal(scene.plan, **{name: value}) == said
+
+
+@pytest.mark.parametrize("length", [0, -1.0, np.nan, 1e-200, True, "far"])
+def test_rays_of_ambient_occlusion_have_a_length(scene, length):
+    said = f"ao_distance: found {length!r}, {NO_LENGTH}"
+    assert refusal(scene.render, ao=1, ao_distance=length) == said
+    assert refusal(scene.plan, ao=1, ao_distance=length) == said
 
 
 @pytest.mark.parametrize("value", [70_000, 1 << 40, 1 << 63, 10**30])

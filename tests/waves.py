@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import pickle
+from dataclasses import fields
 
 import numpy as np
 
 from bfrt.cluster.asked import Asked
+from bfrt.illumination import LightAsked
 from bfrt.image.picture import Image
 from bfrt.rendering import describe
 from bfrt.view import View
@@ -16,6 +18,8 @@ from bfrt.wavefront.frame import FarRender, Wave, prepare
 from bfrt.wavefront.site import Site
 from bfrt.wavefront.travel import RenderStats
 from bfrt.wavefront.window import Done
+
+OF_LIGHT = {field.name for field in fields(LightAsked)}
 
 
 class WindowHere:
@@ -59,9 +63,11 @@ def wave_of(sharded, parts, refine, **settings):
 def render_here(wave, seed=0, report=lambda _: None, **view):
     """A picture, by tasks that end in an order of their own."""
     store = wave.store
+    asked = {name: view.pop(name) for name in OF_LIGHT & view.keys()}
     shown = View.of(
-        store, view.get("camera"), view.get("samples"), view.get("depth", 5), view.get("aovs", ())
-    )
+        store, view.get("camera"), view.get("samples"), view.get("depth", 5), view.get("aovs", ()),
+        LightAsked(**asked),
+    )  # fmt: skip
     stats = RenderStats(store.manifest.objects, 0, {"depth": shown.depth})
     window = WindowHere(wave.carriers, seed)
     prepare(wave, window, stats, fresh_marks=False)

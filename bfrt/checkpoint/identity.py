@@ -49,9 +49,8 @@ def identity_of_render(store: Store, view: View, settings: Settings) -> Identity
             "resolution": camera.resolution,
             "samples": view.samples,
             "depth": view.depth,
-            "lights": view.lights,
-            "background": store.background,
             "aovs": view.aovs,
+            **view.illumination.facts(),
         }
     )
 

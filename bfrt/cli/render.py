@@ -12,6 +12,7 @@ from typing import Any
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint
 from bfrt.cli.bars import wants_bar
 from bfrt.cli.convert import Wanted, convert_input
+from bfrt.cli.light import add_light, light_of
 from bfrt.cli.options import (
     READING,
     Once,
@@ -58,6 +59,7 @@ def add_render(commands: Any) -> None:
         help="channels that the EXR has too, of: " + ",".join(ON_REQUEST),
     )  # fmt: skip
     add_view(made)
+    add_light(made)
     made.add_argument(
         "--refine", choices=REFINEMENTS,
         help="tree: treelets, in spatial order (its default); the paper's refinements, with a "
@@ -167,6 +169,7 @@ def settings_of(options: argparse.Namespace, scene: Scene) -> dict[str, Any]:
         "samples": options.samples,
         "depth": options.depth,
         "aovs": options.aov,
+        **light_of(options),
         "refine": options.refine,
         "fresh_marks": options.fresh_marks,
         "grid": options.grid,

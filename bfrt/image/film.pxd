@@ -12,6 +12,7 @@ cdef class Film:
     cdef uint64_t[::1] ids          # element: object id of sample 0
     cdef float[:, ::1] positions    # element: P.X, P.Y, P.Z of sample 0; none if not asked for
     cdef float[:, ::1] albedos      # element: albedo.R, .G, .B of sample 0; likewise
+    cdef const uint32_t[::1] numbers  # element: its number in the frame; or none: the same
     cdef int64_t first              # the element that is the first in memory
     cdef readonly int row           # the image row that it begins
     cdef readonly int held          # image rows in memory at a time
@@ -37,3 +38,8 @@ cdef inline void film_add(Film film, uint32_t element, double red, double green,
     atomic_add_saturating(&sums[1], fixed(green))
     atomic_add_saturating(&sums[2], fixed(blue))
     atomic_add_saturating(&sums[3], fixed(alpha))
+
+
+cdef inline uint32_t film_number(Film film, uint32_t element) noexcept nogil:
+    """Return an element's number in the frame."""
+    return film.numbers[element] if film.numbers.shape[0] else element

@@ -1,6 +1,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 class Film:
@@ -16,6 +17,7 @@ class Film:
         samples: int,
         held: int | None = None,
         aovs: Sequence[str] = (),
+        numbers: NDArray[np.uint32] | None = None,
     ) -> None: ...
     @property
     def end(self) -> int: ...

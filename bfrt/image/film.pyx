@@ -32,9 +32,11 @@ cdef class Film:
         Rows of the image that are in memory at a time; by default all.
     aovs : sequence of str
         Which of `records.ON_REQUEST` are kept too.
+    numbers : (elements,) uint32, optional
+        Of a film of some elements of a frame, their numbers there.
     """
 
-    def __cinit__(self, int width, int height, int samples, held=None, aovs=()):
+    def __cinit__(self, int width, int height, int samples, held=None, aovs=(), numbers=None):
         self.corners = samples == 0
         self.samples = max(samples, 1)
         self.shape = (height + self.corners, width + self.corners)
@@ -45,6 +47,7 @@ cdef class Film:
         self.ids = np.empty(elements, np.uint64)
         self.positions = np.empty((elements if "position" in aovs else 0, 3), np.float32)
         self.albedos = np.empty((elements if "albedo" in aovs else 0, 3), np.float32)
+        self.numbers = np.empty(0, np.uint32) if numbers is None else numbers
         self.clear(0)
 
     def planes(self):

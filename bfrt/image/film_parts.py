@@ -45,9 +45,9 @@ def seen_by(aovs: Sequence[str]) -> np.dtype[Any]:
     return np.dtype([("element", "<u4"), *_SEEN[:_ALWAYS], *asked])
 
 
-def film_of(elements: int, aovs: Sequence[str]) -> Film:
-    """Return an empty film of some elements, for their numbers in `part_of`."""
-    return Film(elements, 1, 1, aovs=aovs)
+def film_of(elements: NDArray[np.uint32], aovs: Sequence[str]) -> Film:
+    """Return an empty film of some elements, (n,), by their numbers in another."""
+    return Film(len(elements), 1, 1, aovs=aovs, numbers=elements)
 
 
 def part_of(

@@ -5,19 +5,8 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.far cimport Bounds, advance_far, bounds_of
 from bfrt.geometry.vector cimport Line, Vec, add, line, scale, unit, vec
+from bfrt.phases.hashing cimport mixed, uniform
 from bfrt.records cimport EYE, Queued
-
-
-cdef inline uint64_t mixed(uint64_t x) noexcept nogil:
-    """Hash x: the finalizer of SplitMix64 (Steele, Lea and Flood 2014)."""
-    x += <uint64_t>0x9E3779B97F4A7C15
-    x = (x ^ (x >> 30)) * <uint64_t>0xBF58476D1CE4E5B9
-    x = (x ^ (x >> 27)) * <uint64_t>0x94D049BB133111EB
-    return x ^ (x >> 31)
-
-
-cdef inline double uniform(uint64_t x) noexcept nogil:
-    return (x >> 11) * (1.0 / 9007199254740992.0)
 
 
 @cython.final

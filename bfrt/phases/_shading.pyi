@@ -7,6 +7,8 @@ from bfrt.image.film import Film
 from bfrt.phases.lighting import Lighting
 from bfrt.scan.scan import StreamScan
 
+GATHERED: int
+
 class Shader:
     reflection: int
     refraction: int
@@ -18,7 +20,6 @@ class Shader:
         eye: ArrayLike,
         origin: ArrayLike,
         film: Film,
-        room: int,
     ) -> None: ...
     def begin(self, emit: Callable[[NDArray[Any]], None], last: bool) -> None: ...
     def shade(self, scan: StreamScan, n: int, hits: NDArray[Any]) -> None: ...

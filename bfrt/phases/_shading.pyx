@@ -1,16 +1,18 @@
 """The shading loop: local color, and the rays that go on from a hit."""
 
 cimport cython
-from libc.math cimport fabs, sqrt
+from libc.math cimport ceil, fabs, sqrt
 from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box
+from bfrt.geometry.hemisphere cimport Basis, basis_around, cosine_direction
 from bfrt.geometry.power cimport power
 from bfrt.geometry.shape cimport Shape, Surface, shape_bounds, shape_load, shape_surface
 from bfrt.geometry.vector cimport (
     Line, Vec, add, along, dot, largest, length, line, scale, sub, unit, vec,
 )
-from bfrt.image.film cimport Film, film_add
+from bfrt.image.film cimport Film, film_add, film_number
+from bfrt.phases.hashing cimport GOLDEN, mixed, uniform
 from bfrt.records cimport (
     EYE, INDEX_BITS, REFLECTION, REFRACTION, SHADOW, Hit, Material, Queued,
 )
@@ -22,6 +24,12 @@ import numpy as np
 
 from bfrt.errors import StoreError
 from bfrt.records import QUEUED
+
+#: Rays that a worker gathers while it shades.
+GATHERED = 1024
+
+cdef enum:
+    COLUMNS = 7  # of a light: x y z w, red, green, blue
 
 cdef struct Bent:
     bint total   # total internal reflection: there is no refracted ray
@@ -92,13 +100,13 @@ cdef class Shader:
     origin : (3,) float64
         The store's, in world coordinates: those of P.
     film : Film
-    room : int
-        Rays that are gathered: at least lights + 2.
     """
 
     cdef const Material[::1] palette
     cdef const double[:, ::1] lights
     cdef double ambient
+    cdef int64_t occlusion  # rays of an eye hit
+    cdef double reach       # their length
     cdef Vec eye
     cdef Vec origin
     cdef Film film
@@ -111,15 +119,17 @@ cdef class Shader:
     cdef readonly int64_t refraction
     cdef readonly int64_t shadow
 
-    def __cinit__(self, const Material[::1] palette, lighting, eye, origin, Film film,
-                  int64_t room):
+    def __cinit__(self, const Material[::1] palette, lighting, eye, origin, Film film):
         self.palette = palette
         self.lights = lighting.lights
         self.ambient = lighting.ambient
+        self.occlusion, self.reach = lighting.rays, lighting.reach
+        if self.lights.shape[1] != COLUMNS:
+            raise ValueError(f"lights: found {self.lights.shape[1]} columns, expected {COLUMNS}")
         self.eye = vec(eye[0], eye[1], eye[2])
         self.origin = vec(origin[0], origin[1], origin[2])
         self.film = film
-        self.out = self.rays = np.empty(room, QUEUED)
+        self.out = self.rays = np.empty(GATHERED, QUEUED)
 
     def begin(self, emit, bint last):
         """Begin with the hits of a depth, of whose rays none is counted yet.
@@ -198,11 +208,8 @@ cdef class Shader:
     cdef int64_t shade_object(self, const Shaded* shaded, const Hit* hits,
                               int64_t n) except -1 nogil:
         """Shade the first of `hits`, all hits of one object; return how many."""
-        cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
+        cdef int64_t at = 0
         while at < n and hits[at].id == hits[0].id:
-            if self.waiting > room:
-                with gil:
-                    self.flush()
             self.shade_hit(&hits[at], shaded)
             at += 1
         return at
@@ -213,7 +220,7 @@ cdef class Shader:
             self.emit(self.rays[:self.waiting])
             self.waiting = 0
 
-    cdef void shade_hit(self, const Hit* h, const Shaded* shaded) noexcept nogil:
+    cdef int shade_hit(self, const Hit* h, const Shaded* shaded) except -1 nogil:
         cdef const Material* m = shaded.material
         cdef Line l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
         cdef Interaction i
@@ -232,16 +239,13 @@ cdef class Shader:
             s.shading = scale(s.shading, -1.0)
         if h.kind == EYE:
             self.see(&i, own)
-        film_add(
-            self.film, h.pixel, self.ambient * m.kd * m.red * h.red,
-            self.ambient * m.kd * m.green * h.green, self.ambient * m.kd * m.blue * h.blue,
-            h.kind == EYE,
-        )
         i.offset = scale(s.geometric, hit_error(&l, h.t, s.place, &shaded.box))
+        self.surround(&i)
         for k in range(self.lights.shape[0]):
             self.light(&i, &self.lights[k, 0])
         if not self.last and (m.ks > 0.0 or m.transmittance > 0.0):
             self.go_on(&i)
+        return 0
 
     cdef void see(self, const Interaction* i, Vec n) noexcept nogil:
         """Store depth, normal n, id and channels on request, if the hit is of sample 0."""
@@ -260,7 +264,53 @@ cdef class Shader:
         if self.film.albedos.shape[0]:
             put(&self.film.albedos[element, 0], vec(m.red, m.green, m.blue))
 
-    cdef void light(self, const Interaction* i, const double* light) noexcept nogil:
+    cdef int surround(self, const Interaction* i) except -1 nogil:
+        """Give the ambient light to the film, or send it along rays that may be stopped."""
+        cdef const Hit* h = i.hit
+        cdef const Material* m = i.material
+        cdef Vec color = vec(
+            self.ambient * m.kd * m.red * h.red, self.ambient * m.kd * m.green * h.green,
+            self.ambient * m.kd * m.blue * h.blue,
+        )
+        if self.occlusion and largest(color) > 0.0:
+            film_add(self.film, h.pixel, 0.0, 0.0, 0.0, h.kind == EYE)
+            self.look_around(i, color)
+        else:
+            film_add(self.film, h.pixel, color.x, color.y, color.z, h.kind == EYE)
+        return 0
+
+    cdef int look_around(self, const Interaction* i, Vec color) except -1 nogil:
+        """Send the ambient light along shadow rays, each with its part: as dense as their cosine.
+
+        A hit of which less is seen sends less of them, a part of those of an eye hit. Ray k has one
+        of as many rings around the normal, and is turned on by the golden ratio: so any number of
+        them is spread evenly. A hash of pixel and sample turns them all.
+        """
+        cdef const Hit* h = i.hit
+        cdef const Surface* s = &i.surface
+        cdef Basis around = basis_around(s.shading)
+        cdef Vec o = add(s.place, i.offset)
+        cdef Vec d
+        cdef double weight = min(1.0, largest(vec(h.red, h.green, h.blue)))
+        # Weights are float32: what is a whole number but for that is no more.
+        cdef int64_t k, rays = <int64_t>ceil(weight * self.occlusion * (1.0 - 1.0 / (1 << 20)))
+        cdef uint64_t number = film_number(self.film, h.pixel)
+        # 2^32 more than a pixel's: not the numbers that have placed its samples.
+        cdef uint64_t seed = mixed(mixed(number + (<uint64_t>1 << 32)) + h.sample)
+        color = scale(color, 1.0 / rays)
+        for k in range(rays):
+            d = cosine_direction(
+                &around,
+                (k + uniform(mixed(seed + <uint64_t>k))) / rays,
+                uniform(seed + <uint64_t>k * GOLDEN),
+            )
+            if dot(d, s.geometric) < 0.0:  # an interpolated normal would send it into the surface
+                d = reflected(d, s.geometric)
+            self.send(SHADOW, h, o, scale(d, self.reach), color)
+        self.shadow += rays
+        return 0
+
+    cdef int light(self, const Interaction* i, const double* light) except -1 nogil:
         """Send a shadow ray that carries what the light adds: Lambert and Phong.
 
         There is none where the surface faces away from the light (SPD's rule 10). The light is
@@ -270,25 +320,26 @@ cdef class Shader:
         cdef const Material* m = i.material
         cdef const Surface* s = &i.surface
         cdef Vec lamp = vec(light[0], light[1], light[2])
-        cdef Vec way = sub(lamp, s.place)
+        cdef Vec way = sub(lamp, scale(s.place, light[3]))
         cdef Vec o = add(s.place, i.offset)
         cdef Vec to, color
         cdef double diffuse, specular = 0.0
         if not (dot(way, s.geometric) > 0.0 and dot(way, s.shading) > 0.0):
-            return
+            return 0
         to = unit(way)
         diffuse = m.kd * dot(to, s.shading)
         if m.ks > 0.0:
             specular = m.ks * power(dot(reflected(i.d, s.shading), to), m.shine)
         color = vec(
-            light[3] * (diffuse * m.red + specular) * h.red,
-            light[4] * (diffuse * m.green + specular) * h.green,
-            light[5] * (diffuse * m.blue + specular) * h.blue,
+            light[4] * (diffuse * m.red + specular) * h.red,
+            light[5] * (diffuse * m.green + specular) * h.green,
+            light[6] * (diffuse * m.blue + specular) * h.blue,
         )
-        self.send(SHADOW, h, o, sub(lamp, o), color)
+        self.send(SHADOW, h, o, sub(lamp, scale(o, light[3])), color)
         self.shadow += 1
+        return 0
 
-    cdef void go_on(self, const Interaction* i) noexcept nogil:
+    cdef int go_on(self, const Interaction* i) except -1 nogil:
         """Send a reflection ray, and where light passes a refraction ray (SPD's rules 8 and 9)."""
         cdef const Material* m = i.material
         cdef const Surface* s = &i.surface
@@ -313,12 +364,18 @@ cdef class Shader:
             r = reflected(i.d, s.geometric)
         self.send(REFLECTION, i.hit, add(s.place, i.offset), r, scale(light, weight))
         self.reflection += 1
+        return 0
 
-    cdef void send(self, uint16_t kind, const Hit* h, Vec o, Vec d, Vec color) noexcept nogil:
+    cdef int send(self, uint16_t kind, const Hit* h, Vec o, Vec d, Vec color) except -1 nogil:
         """Send a ray on from a hit."""
-        cdef Queued* q = &self.out[self.waiting]
+        cdef Queued* q
+        if self.waiting == self.out.shape[0]:
+            with gil:
+                self.flush()
+        q = &self.out[self.waiting]
         q.ox, q.oy, q.oz = o.x, o.y, o.z
         q.dx, q.dy, q.dz = d.x, d.y, d.z
         q.pixel, q.sample, q.kind, q.power = h.pixel, h.sample, kind, 0
         q.red, q.green, q.blue = <float>color.x, <float>color.y, <float>color.z
         self.waiting += 1
+        return 0

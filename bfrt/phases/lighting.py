@@ -2,41 +2,65 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bfrt.store.model import Light, Vector
+from bfrt.illumination import Illumination, light_intensity
+from bfrt.store.model import Light
+from bfrt.store.store import Store
+from bfrt.store.sun import Sun
+
+#: Of the diagonal of the scene's bounds: from any place of the scene this is beyond all of it.
+BEYOND = 2.0
 
 
 class Lighting(NamedTuple):
-    """Holds point lights and ambient light.
+    """Holds lights and ambient light.
 
     Attributes
     ----------
-    lights : ndarray of float64, shape (lights, 6)
-        Position relative to the store's origin, and color times intensity.
+    lights : ndarray of float64, shape (lights, 7)
+        Place, in homogeneous coordinates relative to the store's origin, and color times intensity.
+        A point light has w = 1; a sun w = 0, and the vector to it is so long that it ends beyond
+        the scene.
     ambient : float
         Intensity of the ambient light.
+    rays : int
+        Of ambient occlusion, that an eye hit sends; 0 for none.
+    reach : float
+        The length of these rays, which is no more than what is beyond the scene.
     """
 
     lights: NDArray[np.float64]
     ambient: float
+    rays: int
+    reach: float
 
 
-def light_intensity(lights: int) -> float:
-    """Return sqrt(n) / (2 n), the intensity of each of n lights and of ambient light (SPD)."""
-    return math.sqrt(lights) / (2 * lights)
-
-
-def lighting_of(lights: Sequence[Light], origin: Vector) -> Lighting:
-    """Return lights, of which the positions are in world coordinates, relative to an origin."""
-    intensity = light_intensity(len(lights))
+def lighting_of(store: Store, illumination: Illumination) -> Lighting:
+    """Return what lights a scene, relative to the store's origin."""
+    beyond = BEYOND * store.bounds.diagonal
+    intensity = light_intensity(len(illumination.lights))
     rows = [
-        (*(np.array(light.position) - np.array(origin)), *(intensity * np.array(light.color)))
-        for light in lights
+        (*_place_of(light, store, beyond), *(intensity * np.array(_strength_of(light))))
+        for light in illumination.lights
     ]
-    return Lighting(np.array(rows).reshape(-1, 6), intensity)
+    return Lighting(
+        np.array(rows, np.float64).reshape(-1, 7),
+        illumination.ambient,
+        illumination.ao,
+        min(illumination.ao_distance, beyond),
+    )
+
+
+def _place_of(light: Light | Sun, store: Store, beyond: float) -> tuple[float, ...]:
+    """Return x, y, z and w of a light."""
+    if isinstance(light, Sun):
+        return (*(beyond * np.array(light.direction)), 0.0)
+    return (*(np.array(light.position) - np.array(store.origin)), 1.0)
+
+
+def _strength_of(light: Light | Sun) -> tuple[float, ...]:
+    return light.strength if isinstance(light, Sun) else light.color

@@ -6,15 +6,16 @@ sweep over the objects meets them in order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.ids import index_of
+from bfrt.illumination import Illumination
 from bfrt.image.film import Film
-from bfrt.phases._shading import Shader
+from bfrt.phases._shading import GATHERED, Shader
 from bfrt.phases.hit_order import HitLoads, hits_of, picked
 from bfrt.phases.lighting import lighting_of
 from bfrt.phases.traversal import Sink
@@ -23,7 +24,6 @@ from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import AllRecords, Chunk
 from bfrt.stats import Counters
-from bfrt.store.model import Light
 from bfrt.store.store import Store
 from bfrt.store.stream import Stream
 from bfrt.streams.spool import Spool
@@ -33,18 +33,12 @@ from bfrt.workers import Workers
 SHADED_HIT_BYTES = 2 * HIT_BYTES + 16
 
 
-def emit_room(lights: int) -> int:
-    """Return the rays that a worker gathers while it shades: a thousand, or a few hits' rays."""
-    return max(1024, 4 * (lights + 2))
-
-
 class Shading:
     """Shades the hits of a render.
 
     Parameters
     ----------
-    lights : sequence of Light
-        In world coordinates.
+    illumination : Illumination
     eye : (3,) float64
         Relative to the store's origin.
     hits : int
@@ -55,7 +49,7 @@ class Shading:
     def __init__(
         self,
         store: Store,
-        lights: Sequence[Light],
+        illumination: Illumination,
         film: Film,
         eye: NDArray[np.float64],
         hits: int,
@@ -63,17 +57,16 @@ class Shading:
     ) -> None:
         self._capacity = hits
         self._workers = workers
-        room, palette = emit_room(len(lights)), store.materials()
-        lighting = lighting_of(lights, store.origin)
+        palette, lighting = store.materials(), lighting_of(store, illumination)
         self._shaders = [
-            Shader(palette, lighting, eye, store.origin, film, room) for _ in range(workers.threads)
+            Shader(palette, lighting, eye, store.origin, film) for _ in range(workers.threads)
         ]
 
     @staticmethod
     def bytes(store: Store, threads: int) -> int:
         """Return the bytes of the palette, and of the rays that all workers gather."""
         palette = store.palette.bytes // MATERIAL_BYTES * MATERIAL_BYTES * 2
-        return palette + threads * emit_room(len(store.lights)) * QUEUED_BYTES
+        return palette + threads * GATHERED * QUEUED_BYTES
 
     def shade(
         self,

@@ -5,6 +5,7 @@
     every ray x every object ─┬─ exhaustive ─► _exhaustive: the core's kernels, no grid
                               └─ independent ─► shapes: NumPy, other formulas
                                       └── agree: do two answers agree, close calls left out?
+    openness: ambient occlusion, by NumPy and `exhaustive`
     _kernels: inline functions of the core, one call at a time
 
 Nothing else in bfrt imports this package.

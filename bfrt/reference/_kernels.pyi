@@ -6,6 +6,9 @@ from numpy.typing import NDArray
 from bfrt.grid.grid import Grid
 
 def power(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def cosine_directions(
+    normals: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
 def spans(
     boxes: NDArray[np.float32],
     padding: float,

@@ -7,6 +7,7 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_span
 from bfrt.geometry.coordinates cimport Frame, frame_of
+from bfrt.geometry.hemisphere cimport Basis, basis_around, cosine_direction
 from bfrt.geometry.packet cimport (
     BoxPacket, PaddedPacket, eight_of, eight_pad, eight_span, eight_union,
 )
@@ -27,6 +28,17 @@ def power(const double[::1] x, const double[::1] y):
     cdef double[::1] out = np.empty(x.shape[0])
     for i in range(x.shape[0]):
         out[i] = core_power(x[i], y[i])
+    return np.asarray(out)
+
+
+def cosine_directions(const double[:, ::1] normals, const double[::1] u, const double[::1] v):
+    """Make directions around unit normals, (n, 3), from numbers (n,), by `hemisphere.pxd`."""
+    cdef int64_t i
+    cdef Basis around
+    cdef double[:, ::1] out = np.empty((u.shape[0], 3))
+    for i in range(u.shape[0]):
+        around = basis_around(vec(normals[i, 0], normals[i, 1], normals[i, 2]))
+        put(out, i, 0, cosine_direction(&around, u[i], v[i]))
     return np.asarray(out)
 
 

@@ -65,8 +65,13 @@ class ViewWriter:
         Raises
         ------
         SceneError
-            If position or color are not three finite numbers.
+            If position or color are not three finite numbers, or it is another light: a store has
+            point lights.
         """
+        if not isinstance(light, Light):
+            raise SceneError(
+                f"light: found {light!r:.80}, expected a Light: others are for lights= of a render"
+            )
         self._lights.append(
             Light(triple_of("light", light.position), triple_of("color of a light", light.color))
         )

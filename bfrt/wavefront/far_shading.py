@@ -29,9 +29,9 @@ Records = NDArray[Any]
 SENT_ON = 2
 
 
-def hits_at_once(lights: int) -> int:
+def hits_at_once(shadow_rays: int) -> int:
     """Return the hits of a block: fewer where each sends many shadow rays."""
-    return max(1, min(BLOCK, SENT_ON * BLOCK // (lights + 2)))
+    return max(1, min(BLOCK, SENT_ON * BLOCK // (shadow_rays + 2)))
 
 
 class Owners:
@@ -117,7 +117,7 @@ class FarShading:
         order = np.lexsort((load["id"], owners))
         ends = np.searchsorted(owners[order], np.arange(len(self._tasks) + 1))
         return [
-            deque(_cut(order[ends[c] : ends[c + 1]], hits_at_once(len(task.lights))))
+            deque(_cut(order[ends[c] : ends[c + 1]], hits_at_once(task.illumination.shadow_rays)))
             for c, task in enumerate(self._tasks)
         ]
 

@@ -126,7 +126,7 @@ class FarRender:
         self._stats = stats
         self._report = report
         self._hits = room.render.hits
-        self._background = np.array(store.background, np.float64)
+        self._background = np.array(view.illumination.background, np.float64)
         self._owners = Owners(store.manifest, wave.carriers)
         self._state = RenderState.first(store, room.render, scratch, view, stats)
         tasks = [Meeting(site) for site in wave.sites]
@@ -179,7 +179,7 @@ class FarRender:
         eye = tuple(view_vectors(view.camera, self._wave.store.origin)[0].tolist())
         last = state.depth >= view.depth
         tasks = [
-            HitShading(site, tuple(view.lights), eye, view.aovs, last) for site in self._wave.sites
+            HitShading(site, view.illumination, eye, view.aovs, last) for site in self._wave.sites
         ]
         shading = FarShading(self._window, self._owners, tasks, self._hits, self._count)
         shading.shade(

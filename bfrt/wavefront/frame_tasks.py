@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from bfrt.cluster.counters import Part
 from bfrt.cluster.reports import TaskReport
 from bfrt.cluster.worker import this_worker
+from bfrt.illumination import Illumination
 from bfrt.image.film_parts import film_of, part_of
 from bfrt.phases.shading import Shading
 from bfrt.progress import Progress
 from bfrt.records import HIT, QUERY_RAY, QUEUED, RayKind
 from bfrt.rendering import stats_of
 from bfrt.stats import Counters, Stats, peak_rss
-from bfrt.store.model import Light, Vector
+from bfrt.store.model import Vector
 from bfrt.tracer import Tracer
 from bfrt.wavefront.cargo import Cargo
 from bfrt.wavefront.site import Site
@@ -121,7 +122,7 @@ class HitShading:
     Attributes
     ----------
     site : Site
-    lights : tuple of Light
+    illumination : Illumination
     eye : tuple of 3 float
         Relative to the scene's origin.
     aovs : tuple of str
@@ -131,7 +132,7 @@ class HitShading:
     """
 
     site: Site
-    lights: tuple[Light, ...]
+    illumination: Illumination
     eye: Vector
     aovs: tuple[str, ...]
     last: bool
@@ -142,11 +143,11 @@ class HitShading:
         seen = np.zeros(len(elements), np.bool_)
         seen[own[(hits["kind"] == RayKind.EYE) & (hits["sample"] == 0)]] = True
         hits["pixel"] = own
-        film = film_of(len(elements), self.aovs)
+        film = film_of(elements, self.aovs)
         following = Following(elements)
         with self.site.tracer() as tracer:
             eye, room = np.array(self.eye), max(1, tracer.capacities.hits)
-            shading = Shading(tracer.store, self.lights, film, eye, room, tracer.workers)
+            shading = Shading(tracer.store, self.illumination, film, eye, room, tracer.workers)
             stats = stats_of(tracer)
             with counted(tracer, stats) as counters:
                 self._shade(shading, Passing(tracer, hits, counters, TaskReport()), following)

@@ -209,6 +209,10 @@ OTHERS = {
     "samples": {"samples": 2},
     "depth": {"depth": 4},
     "aovs": {"aovs": ("albedo",)},
+    "lights": {"lights": [bfrt.Sun(315.0, 45.0)]},
+    "ambient": {"ambient": 0.5},
+    "ao": {"ao": 2},
+    "background": {"background": (0.1, 0.2, 0.25)},
     "refine": {"refine": "sg"},
 }
 

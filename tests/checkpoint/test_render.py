@@ -17,6 +17,7 @@ from checkpoints import (
     spied,
     tight,
 )  # fmt: skip
+from shading import LIT
 
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.state import SavedState
@@ -73,6 +74,26 @@ def test_a_kill_after_every_pass(scenes, expected, tmp_path, form):
             assert [path.name for path in folder.iterdir()] != []
     assert runs >= whole.calls - 2 > 4
     same_picture(image, expected[name])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["sgb, bands", "streamed", "resident"])
+def test_light_that_is_asked_for_goes_on(scenes, tmp_path, form):
+    """Killed at every fifth pass: rays of ambient occlusion wait in the same spools as others."""
+    scene, refine, name = opened(scenes, form)
+    settings = {**SETTINGS, **LIT, "refine": refine, "scratch": tmp_path}
+    expected = scenes[name].render(**SETTINGS, **LIT)
+    runs = 0
+    while True:
+        try:
+            image = scene.render(
+                progress=Stop(5), checkpoint=tmp_path / "kept", every=0, **settings
+            )
+            break
+        except Killed:
+            runs += 1
+    assert runs > 2
+    same_picture(image, expected)
     assert list(tmp_path.iterdir()) == []
 
 

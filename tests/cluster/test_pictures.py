@@ -15,6 +15,7 @@ from cluster_fixtures import (
     executing,
     wait_until,
 )
+from shading import LIT
 
 import bfrt
 from bfrt.cluster.work import bands_of
@@ -52,6 +53,16 @@ def test_two_workers_make_the_picture(shared_client, asked, samples):
     assert len(found.stats.depths) == len(expected.stats.depths)
     for mine, theirs in zip(found.stats.depths, expected.stats.depths, strict=True):
         assert mine.rays == theirs.rays
+
+
+@pytest.mark.parametrize("samples", [None, 2])
+def test_light_that_is_asked_for(shared_client, asked, samples):
+    scene, settings = asked
+    view = {"samples": samples, **LIT}
+    expected = scene.render(**settings, **view)
+    found = scene.render(**settings, **view, client=shared_client)
+    assert_same_picture(found, expected)
+    assert found.metadata["ao_distance"] == "1.5"
 
 
 def test_one_worker_makes_the_picture(asked):

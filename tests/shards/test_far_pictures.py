@@ -9,6 +9,7 @@ import signal
 import numpy as np
 import pytest
 from cluster_fixtures import NEEDED, cluster_of, executing, wait_until
+from shading import LIT
 from sharded_scenes import WAYS, assert_same_picture, both, standard, store_of
 
 import bfrt
@@ -53,6 +54,17 @@ def test_two_workers_make_the_picture(scenes, way, shared_client):
         each = [getattr(own.total, name) for own in stats.workers.values()]
         assert getattr(stats.total, name) == sum(each)
     assert stats.peak_rss_bytes == max(own.peak_rss_bytes for own in stats.workers.values()) > 0
+
+
+@pytest.mark.parametrize("way", ["sgb", "tree"])
+def test_light_that_is_asked_for(scenes, way, shared_client):
+    one, sharded = scenes[WAYS[way]]
+    far = bfrt.open(sharded.path, client=shared_client)
+    expected = one.render(refine=way, **LIT, **SMALL)
+    found = far.render(refine=way, **LIT, **SMALL)
+    assert_same_picture(found, expected)
+    assert found.stats.total.rays == expected.stats.total.rays
+    assert found.metadata == sharded.render(refine=way, **LIT, **SMALL).metadata
 
 
 def test_what_travels_is_counted(scenes, shared_client):
@@ -126,6 +138,8 @@ def test_what_cannot_be_honoured_is_refused(scenes, shared_client, tmp_path):
         far.render(checkpoint=tmp_path / "kept", **SMALL)
     with pytest.raises(SettingError, match=r"^samples: found 0"):
         far.render(samples=0, **SMALL)
+    with pytest.raises(SettingError, match=r"^ao: found -1"):
+        far.render(ao=-1, **SMALL)
     with pytest.raises(SettingError, match=r"found 'tree' for .*expected base, sg or sgb"):
         far.render(refine="tree", **SMALL)
     with pytest.raises(BudgetError, match=r"found 8192MiB, expected \d+MiB or less: worker \d"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shading import LIT
 from sharded_scenes import WAYS, assert_same_picture, both, store_of
 from waves import render_here, wave_of
 
@@ -88,6 +89,23 @@ def test_samples_of_a_pixel(scenes, samples):
     expected = scene.one.render(samples=samples, depth=2, memory="160MiB", aovs=AOVS)
     wave = wave_of(scene.sharded, [[0], [1, 2]], None)
     assert_same(render_here(wave, samples=samples, depth=2, aovs=AOVS), expected)
+
+
+@pytest.mark.parametrize("light", [LIT, {"ao": 3}], ids=["of all kinds", "as it is"])
+@pytest.mark.parametrize("way", ["base", "sgb", "tree"])
+def test_light_that_is_asked_for(scenes, way, light):
+    """The rays of ambient occlusion are those of the frame's elements, whoever shades a hit."""
+    scene, _ = scenes(way, 5)
+    expected = scene.one.render(refine=way, memory="160MiB", threads=1, samples=2, **light)
+    for parts in ([[0], [1], [2], [3], [4]], [[0, 3], [1, 2, 4]]):
+        found = render_here(wave_of(scene.sharded, parts, way), samples=2, **light)
+        assert_same(found, expected)
+    assert found.metadata == {**expected.metadata, "scene": "scene", "checksum": checksum(scene)}
+    assert expected.metadata["ao"] == str(light["ao"])
+
+
+def checksum(scene):
+    return f"{scene.sharded.store.checksum:08x}"
 
 
 def test_a_frame_that_memory_does_not_hold(scenes, monkeypatch):
@@ -224,9 +242,9 @@ def test_parts_of_a_film_add_up_saturating():
 
 
 def test_only_what_is_touched_is_a_part():
-    film = film_of(3, ("albedo",))
-    film.planes()[0][0][1] = 5
     elements = np.array([7, 8, 90], np.uint32)
+    film = film_of(elements, ("albedo",))
+    film.planes()[0][0][1] = 5
     part = part_of(film, elements, np.array([False, False, True]), ("albedo",))
     assert part.sums["element"].tolist() == [8] and part.seen["element"].tolist() == [90]
     assert part.seen.dtype.names == ("element", "depth_normal", "id", "albedo")
