@@ -33,8 +33,8 @@ from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
 from bfrt.queries import casting
 from bfrt.queries.answers import Out
+from bfrt.queries.given import Given
 from bfrt.queries.question import Answer, Question
-from bfrt.queries.rays import Given
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import picture_of

@@ -91,7 +91,7 @@ class RowPerRay(NamedTuple):
     def answer(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
         """Answer a question."""
         rays = question.rays()
-        check_out(self.fields, rays.known, question.out)
+        check_out(self.fields, rays.lead, question.out)
         with sessions(settings) as tracer:
             query = Query(tracer, rays, self.kind, question)
             at_once = rays.known is not None and question.checkpoint is None
@@ -99,8 +99,8 @@ class RowPerRay(NamedTuple):
                 return query.answer(cast_all(query, self.cast, self.fields, question.out))
             with Answers(query, self.absent.dtype, query.capacities.queue) as answers:
                 self.find(query, answers)
-                check_out(self.fields, query.rays, question.out)
-                shapes = shapes_of(self.fields, query.rays)
+                check_out(self.fields, query.lead, question.out)
+                shapes = shapes_of(self.fields, query.lead)
                 with Columns(shapes, question.out) as columns:
                     for block in rows(answers.ordered(), query.rays, self.absent):
                         columns.put(self.columns(block))
@@ -234,7 +234,7 @@ def put_listed(
     folder : path-like, optional
         Where the answer goes.
     """
-    shapes = {**shapes_of(SPLITS, rays + 1), **shapes_of(LISTED, count)}
+    shapes = {**shapes_of(SPLITS, (rays + 1,)), **shapes_of(LISTED, (count,))}
     with Columns(shapes, folder) as columns:
         columns.put({"ray_splits": np.zeros(1, np.int64)})
         hits_before = rays_before = 0

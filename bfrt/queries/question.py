@@ -19,7 +19,8 @@ from bfrt.phases.flight import PATHS
 from bfrt.phases.traversal import Queue
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries.answers import Out, ordered
-from bfrt.queries.rays import Given, RayQueue, Rays, rays_of
+from bfrt.queries.given import Given, Lead, Rays, rays_of
+from bfrt.queries.rays import RayQueue
 from bfrt.records import HIT, QUERY_PATH, QUERY_RAY, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
 from bfrt.settings import Settings
@@ -124,6 +125,7 @@ class Query:
         kept = self._checkpoint is not None
         self.queue = RayQueue(tracer.store, rays.blocks, kind, checked=kept)
         self.known = rays.known
+        self._lead = rays.lead
         self._report = question.report
         self._start = time.perf_counter()
 
@@ -131,6 +133,11 @@ class Query:
     def rays(self) -> int:
         """Return the number of rays so far: all, once they are traced."""
         return self.queue.taken
+
+    @property
+    def lead(self) -> Lead:
+        """Return the leading shape of the rays: that of the answer, once they are traced."""
+        return (self.rays,) if self._lead is None else self._lead
 
     def trace(self, take: Take, held: Spool, crossings: AllHits | None = None) -> None:
         """Take all rays through the scene.
