@@ -104,16 +104,17 @@ class BlockQuery:
 
         Parameters
         ----------
-        origins, directions : list of one (n, 3) ndarray
+        origins, directions : (n, 3) or (h, w, 3) ndarray, in nested lists of one
             As Dask hands over blocks of which the rows are whole.
-        t_min, t_max : float or (n,) ndarray
+        t_min, t_max : float, or (n,) or (h, w) ndarray
+            In lists likewise.
         first : (1,) ndarray, or None
             The number of the block's first ray, where rays are numbered.
         prepared : Prepared, or None
             What marks were made for, where there are any.
         """
-        (o,), (d,) = origins, directions
-        question = Question(o, d, t_min, t_max, None, TaskReport())
+        o, d, near, far = map(_unpacked, (origins, directions, t_min, t_max))
+        question = Question(o, d, near, far, None, TaskReport())
         work = self.work if prepared is None else self.work.with_budget(prepared)
         with work.begun() as (session, settings):
             answer = QUERIES[self.name].answer(session.tracer, question, settings)
@@ -148,11 +149,11 @@ def lazy_answer(
     prepared = None if asked.refine == TREE else _prepared(work)
     blocks = _blocks(BlockQuery(work, name), rays, rays.firsts() if listed else None, prepared)
     if listed:
-        arrays = {SPLITS: _splits(blocks), **_columns(blocks, casting.LISTED, sized=False)}
+        arrays = {SPLITS: _splits(blocks, rays), **_listed(blocks)}
     else:
         query = QUERIES[name]
         assert isinstance(query, RowPerRay)
-        arrays = _columns(blocks, query.fields, sized=True)
+        arrays = _columns(blocks, query.fields, rays.lead)
     return answer_of(arrays, _counters(blocks, prepared))
 
 
@@ -165,41 +166,53 @@ def _prepared(work: Work) -> Any:
 
 def _blocks(query: BlockQuery, rays: LazyRays, firsts: Any, prepared: Any) -> Any:
     """Return the answers of all blocks, each a dict, as the blocks of a dask array."""
-    pairs: list[Any] = [rays.origins, "ix", rays.directions, "ix"]
+    axes = "ijk"[: 1 + len(rays.lead)]
+    pairs: list[Any] = [rays.origins, f"{axes}x", rays.directions, f"{axes}x"]
     for column in (rays.t_min, rays.t_max, firsts):
-        pairs += [column, "i" if hasattr(column, "chunks") else None]
+        pairs += [column, axes[: column.ndim] if hasattr(column, "chunks") else None]
     return dask_array().blockwise(
         query, "i", *pairs, prepared, None, dtype=object, meta=np.empty(0, object),
         token=f"bfrt-{query.name}", align_arrays=False,
     )  # fmt: skip
 
 
-def _columns(blocks: Any, fields: Fields, *, sized: bool) -> dict[str, Any]:
-    """Return the arrays of an answer; where they have a row a hit nobody knows how many."""
-    return {
-        key: _column(blocks, key, dtype, shape, sized=sized)
-        for key, (dtype, shape) in fields.items()
-    }
+def _columns(blocks: Any, fields: Fields, lead: tuple[int, ...]) -> dict[str, Any]:
+    """Return the arrays of an answer of a row for each ray, of that shape behind the first axis."""
+    return {key: _column(blocks, key, dtype, (*lead, *row)) for key, (dtype, row) in fields.items()}
 
 
-def _column(blocks: Any, key: str, dtype: Any, shape: tuple[int, ...], *, sized: bool) -> Any:
-    axes = "ik"[: 1 + len(shape)]
+def _listed(blocks: Any) -> dict[str, Any]:
+    """Return the arrays of an answer of a row for each hit: nobody knows how many there are."""
+    unknown = {"adjust_chunks": {"i": math.nan}}
+    fields = casting.LISTED.items()
+    return {key: _column(blocks, key, dtype, row, unknown) for key, (dtype, row) in fields}
+
+
+def _column(
+    blocks: Any, key: str, dtype: Any, row: tuple[int, ...], sizes: Mapping[str, Any] | None = None
+) -> Any:
+    axes = "ijkl"[: 1 + len(row)]
     return dask_array().blockwise(
-        column_of, axes, blocks, "i", key, None,
-        new_axes=dict(zip("k", shape, strict=False)),
-        adjust_chunks=None if sized else {"i": math.nan},
-        dtype=dtype, meta=np.empty((0,) * len(axes), dtype), token=f"bfrt-{key}",
+        column_of, axes, blocks, "i", key, None, new_axes=dict(zip("jkl", row, strict=False)),
+        dtype=dtype, meta=np.empty((0,) * len(axes), dtype), token=f"bfrt-{key}", **(sizes or {}),
     )  # fmt: skip
 
 
-def _splits(blocks: Any) -> Any:
+def _splits(blocks: Any, rays: LazyRays) -> Any:
     """Return where the hits of each ray begin, through all blocks."""
     da = dask_array()
     counts = da.blockwise(
-        counts_of, "i", blocks, "i",
+        counts_of, "i", blocks, "i", adjust_chunks={"i": rays.chunks},
         dtype=np.int64, meta=np.empty(0, np.int64), token="bfrt-counts",
     )  # fmt: skip
     return da.concatenate([da.zeros(1, dtype=np.int64, chunks=1), da.cumsum(counts, axis=0)])
+
+
+def _unpacked(block: Any) -> Any:
+    """Return what nested lists of one have."""
+    while isinstance(block, list):
+        (block,) = block
+    return block
 
 
 def _counters(blocks: Any, prepared: Any) -> LazyCounters:

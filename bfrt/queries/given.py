@@ -191,7 +191,7 @@ def rows_of(name: str, given: Any, width: int = 3) -> Held | Stored:
         If they are none.
     """
     rows = _opened(name, given, f"(n, {width})")
-    if rows.shape[-1:] != (width,) or not _has_numbers(rows.dtype):
+    if rows.shape[-1:] != (width,) or not has_numbers(rows.dtype):
         raise SettingError(
             f"{rows.name}: found {rows.dtype} of shape {rows.shape}, expected float32 or float64 "
             f"of shape (n, {width}) or (h, w, {width})"
@@ -205,7 +205,8 @@ def _opened(name: str, given: Any, expected: str) -> Held | Stored:
     return Held(name, array_of(name, given, expected))
 
 
-def _has_numbers(dtype: np.dtype[Any]) -> bool:
+def has_numbers(dtype: np.dtype[Any]) -> bool:
+    """Tell whether rays may have a dtype: float32, float64 or whole numbers, of any byte order."""
     return dtype.newbyteorder("=") in (np.float32, np.float64) or dtype.kind in "iu"
 
 
@@ -227,7 +228,7 @@ def _rows_of_six(given: Any) -> Held | Stored | None:
         if whole or is_masked(given):
             raise
         return None  # a list of pairs of lists
-    if rows.shape[-1:] == (SIX,) and _has_numbers(rows.dtype):
+    if rows.shape[-1:] == (SIX,) and has_numbers(rows.dtype):
         return rows
     if whole:
         raise SettingError(

@@ -82,6 +82,29 @@ def test_the_answer_is_the_same(shared_client, asked, rays, lazy, name):
     )
 
 
+@pytest.mark.parametrize("name", QUERIES)
+def test_rays_of_other_shapes(asked, rays, name):
+    """Rows of six, maps, and one for all."""
+    scene, settings = asked
+    query = getattr(scene, name)
+    o, d = (np.asarray(part[:900]).reshape(30, 30, 3) for part in rays)
+    six = np.concatenate([o, d], axis=-1)
+    t_max = np.linspace(0.5, 2.0, 900).reshape(30, 30)
+    for given, plain in (
+        ((in_blocks(six, 7), None, 0.0, in_blocks(t_max, 4)), (six, None, 0.0, t_max)),
+        ((in_blocks(o, 7), d, 0.0, t_max), (o, d, 0.0, t_max)),
+        ((in_blocks(six.reshape(900, 6)),), (six.reshape(900, 6),)),
+        ((da.from_array(o, chunks=(9, 4, 2)), in_blocks(d, 4)), (o, d)),
+        (([*o[0, 0]], in_blocks(d, 7)), (o[0, 0], d)),
+        ((in_blocks(o.reshape(900, 3)), d[0, 0]), (o.reshape(900, 3), d[0, 0])),
+    ):
+        answer = query(*given, **settings)
+        assert_same_answer(answer.compute(), query(*plain, **settings))
+        for key, array in query(*plain, **settings).items():
+            known = not np.isnan(answer[key].shape[0])
+            assert answer[key].shape == array.shape if known else name == "list_intersections"
+
+
 def test_sizes_are_known_where_they_can_be(one, lazy):
     sizes = (300, 300, 300, 100)
     hits = one.cast_rays(*lazy)
@@ -272,7 +295,8 @@ def test_what_travels_is_small(one, lazy):
         ({"t_max": "far"}, "t_max: found 'far', expected a number or (n,)"),
         ({"t_max": np.ones(7)}, "t_max: found float64 of shape (7,), expected a number or (1000,)"),
         ({"directions": None}, "directions: found none, expected an array"),
-        ({"directions": [1, 2, 3]}, "directions: found list with dask arrays, expected an array"),
+        ({"directions": [[1, 2, 3]]}, "directions: found list with dask arrays, expected an array"),
+        ({"directions": ["a", "b", "c"]}, "rays: found <U1 of shape (3,), expected float32"),
         ({"directions": da.zeros((7, 3))}, "rays: found origins (1000, 3) and directions (7, 3)"),
         ({"directions": da.zeros((1000, 2))}, "directions: found float64 of shape (1000, 2)"),
         ({"directions": da.zeros((1000, 3), dtype="c8")}, "directions: found complex64 of shape"),
