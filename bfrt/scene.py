@@ -33,6 +33,7 @@ from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
 from bfrt.queries import casting
 from bfrt.queries.answers import Out
+from bfrt.queries.extras import Extras
 from bfrt.queries.given import Given
 from bfrt.queries.question import Answer, Question
 from bfrt.records import Kind
@@ -479,6 +480,8 @@ class Scene:
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
+        outputs: Sequence[str] = (),
+        side: str = "incoming",
         out: Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
@@ -503,6 +506,12 @@ class Scene:
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
+        outputs : sequence of {"positions", "next_origins"}
+            Keys that the answer has beside those that it always has.
+        side : {"incoming", "opposite", "front", "back"}
+            Where ``next_origins`` are: on the side that the ray came from, for reflections and
+            shadows; on the other one, for what goes through; on that of the object's normal, or
+            behind it.
         out : mapping of arrays, or path-like, optional
             Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` for
             each key, in which case the answer is memory maps of these.
@@ -524,6 +533,10 @@ class Scene:
             explains, and ``primitive_ids`` (n,) int64, the object's place among its kind, both -1
             for a miss; ``primitive_normals`` (n, 3) float32, unit and geometric, 0 for a miss;
             ``primitive_uvs`` (n, 2) float32, barycentric in triangles and patches, else 0.
+            ``positions`` (n, 3) float64, the places of the hits in world coordinates, and
+            ``next_origins`` (n, 3) float64, these moved off the surface by the hit's error: a ray
+            that begins there, and goes away from the surface on that side, does not meet it again
+            there. Both are inf for a miss.
 
         Raises
         ------
@@ -538,16 +551,17 @@ class Scene:
         for bit, for every memory budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        extras = Extras.of(outputs, side)
         if is_lazy(origins, directions, t_min, t_max):
             rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
             asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_answer("cast_rays", self.store, rays, asked, local)
+            return lazy_answer("cast_rays", self.store, rays, asked, local, extras)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "cast_rays", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.NEAREST.answer(self._session.tracer, question, settings)
+            return casting.nearest(extras).answer(self._session.tracer, question, settings)
 
     def occluded(
         self,

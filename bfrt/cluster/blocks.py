@@ -33,13 +33,13 @@ from bfrt.errors import SettingError
 from bfrt.queries import casting
 from bfrt.queries.answers import Fields
 from bfrt.queries.casting import RowPerHit, RowPerRay
+from bfrt.queries.extras import NO_EXTRAS, Extras
 from bfrt.queries.question import Question
 from bfrt.settings import TREE
 from bfrt.store.store import Store
 
-#: The queries by their names.
+#: The queries by their names, but `cast_rays`.
 QUERIES: dict[str, RowPerRay | RowPerHit] = {
-    "cast_rays": casting.NEAREST,
     "occluded": casting.ANY_HIT,
     "count_intersections": casting.COUNT,
     "list_intersections": casting.LIST,
@@ -92,10 +92,18 @@ class BlockQuery:
     work : Work
     name : str
         The query.
+    extras : Extras
+        What `cast_rays` tells beside what it always tells.
     """
 
     work: Work
     name: str
+    extras: Extras = NO_EXTRAS
+
+    @property
+    def query(self) -> RowPerRay | RowPerHit:
+        """Return the query."""
+        return casting.nearest(self.extras) if self.name == "cast_rays" else QUERIES[self.name]
 
     def __call__(
         self, origins: Any, directions: Any, t_min: Any, t_max: Any, first: Any, prepared: Any
@@ -117,26 +125,33 @@ class BlockQuery:
         question = Question(o, d, near, far, None, TaskReport())
         work = self.work if prepared is None else self.work.with_budget(prepared)
         with work.begun() as (session, settings):
-            answer = QUERIES[self.name].answer(session.tracer, question, settings)
+            answer = self.query.answer(session.tracer, question, settings)
         if first is not None:
             answer["ray_ids"] += first[0]
         return {**answer, COUNTERS: (this_worker().name, answer.stats)}
 
 
 def lazy_answer(
-    name: str, store: Store, given: tuple[Any, Any, Any, Any], asked: Asked, local: Local
+    name: str,
+    store: Store,
+    given: tuple[Any, Any, Any, Any],
+    asked: Asked,
+    local: Local,
+    extras: Extras = NO_EXTRAS,
 ) -> LazyAnswer:
     """Return what a query of dask arrays will answer.
 
     Parameters
     ----------
     name : str
-        The query, one of `QUERIES`.
+        The query: "cast_rays", or one of `QUERIES`.
     store : Store
     given : tuple
         Origins, directions, t_min and t_max; some of them are dask arrays.
     asked : Asked
     local : Local
+    extras : Extras
+        What `cast_rays` tells beside what it always tells.
 
     Raises
     ------
@@ -147,11 +162,12 @@ def lazy_answer(
     rays, work = lazy_rays(*given), Work(Place.of(store), asked)
     listed = name == "list_intersections"
     prepared = None if asked.refine == TREE else _prepared(work)
-    blocks = _blocks(BlockQuery(work, name), rays, rays.firsts() if listed else None, prepared)
+    block = BlockQuery(work, name, extras)
+    blocks = _blocks(block, rays, rays.firsts() if listed else None, prepared)
     if listed:
         arrays = {SPLITS: _splits(blocks, rays), **_listed(blocks)}
     else:
-        query = QUERIES[name]
+        query = block.query
         assert isinstance(query, RowPerRay)
         arrays = _columns(blocks, query.fields, rays.lead)
     return answer_of(arrays, _counters(blocks, prepared))

@@ -122,8 +122,8 @@ def _rows(name: str, given: Any, cut: Cut) -> Any:
     array = _blocks(name, given, (chunks, *between, 3))
     if array.ndim < 2 or array.shape[-1] != 3 or not has_numbers(array.dtype):
         raise SettingError(
-            f"{name}: found {array.dtype} of shape {array.shape}, expected float32 or float64 of shape "
-            "(n, 3) or (h, w, 3)"
+            f"{name}: found {array.dtype} of shape {array.shape}, expected float32 or float64 of "
+            "shape (n, 3) or (h, w, 3)"
         )
     return _in_blocks(array, chunks)
 
