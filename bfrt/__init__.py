@@ -35,8 +35,10 @@ OFFERED = {
     "ShortReadError": "bfrt.errors:ShortReadError",
     "StoreError": "bfrt.errors:StoreError",
     "StreamError": "bfrt.errors:StreamError",
+    "camera_rays": "bfrt.queries.camera:camera_rays",
     "cast_rays": "bfrt.scene:cast_rays",
     "clean": "bfrt.cleaning:clean",
+    "contains": "bfrt.scene:contains",
     "convert": "bfrt.conversion.convert:convert",
     "copy_store": "bfrt.cluster.copies:copy_store",
     "count_intersections": "bfrt.scene:count_intersections",
@@ -48,6 +50,7 @@ OFFERED = {
     "render": "bfrt.scene:render",
     "spd": "bfrt.spd",
     "viewshed": "bfrt.terrain.viewshed:viewshed",
+    "visibility": "bfrt.scene:visibility",
 }
 
 __all__ = list(OFFERED)

@@ -33,9 +33,12 @@ from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
 from bfrt.queries import casting
 from bfrt.queries.answers import Out
+from bfrt.queries.containment import contains as contains_of
 from bfrt.queries.extras import Extras
-from bfrt.queries.given import Given
+from bfrt.queries.given import Given, Points
+from bfrt.queries.points import PointQuestion
 from bfrt.queries.question import Answer, Question
+from bfrt.queries.visibility import visibility as visibility_of
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import picture_of
@@ -778,6 +781,144 @@ class Scene:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.LIST.answer(self._session.tracer, question, settings)
 
+    def visibility(
+        self,
+        points: Points,
+        normals: Points | None = None,
+        rays: int = 64,
+        distance: float = np.inf,
+        *,
+        cosine: bool = False,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        fresh_marks: bool = False,
+        scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+    ) -> Answer:
+        """Find which part of what is around each point is open: ambient occlusion, sky view.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like, or path-like of an .npy file
+            As origins of `cast_rays`: of any leading shape, in world coordinates, larger than
+            memory if they are mapped or a file.
+        normals : array_like or path-like, as points, optional
+            Of any length but zero, one for each point or (3,) for all. Rays go to the hemisphere
+            around each, and begin off the surface by the error that a hit there has. Without
+            normals rays go to all sides, and begin at the points.
+        rays : int
+            From each point, 1 to 65536.
+        distance : float
+            How far what hides may be, world units. Above 0.
+        cosine : bool
+            Whether directions count by their cosine with the normal, as in MeshLab's ambient
+            occlusion, and as light from there does; by default all count alike, as in
+            CloudCompare's PCV.
+        out : mapping of arrays, or path-like, optional
+            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` for
+            each key, in which case the answer is memory maps of these.
+        progress : bool or callable
+            As for `render`; it is told rays.
+        memory : str or int, optional
+            The budget of the whole process, as for `render`. The arrays of points and of the answer
+            are no part of it.
+        threads, refine, grid, max_grid, fresh_marks, scratch
+            As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The points must be
+            as they were.
+
+        Returns
+        -------
+        Answer
+            ``visibility`` (n,) float32, from 0, where all rays meet something, to 1; NaN where a
+            point or a normal is no number, or a normal has no length.
+
+        Raises
+        ------
+        SettingError
+            If points have other shapes or dtypes, or a setting cannot be honoured.
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
+            As for `render`.
+
+        Notes
+        -----
+        Directions are a Fibonacci lattice, turned by a hash of the point's number. The answer is
+        the same, bit for bit, for every memory budget, number of threads and refinement.
+        """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        asked = visibility_of(rays, distance, around_normals=normals is not None, cosine=cosine)
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+        work = self._keeping(checkpoint, every, "visibility", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = PointQuestion(points, normals, out, report, kept)
+            return asked.answer(self._session.tracer, question, settings)
+
+    def contains(
+        self,
+        points: Points,
+        *,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        fresh_marks: bool = False,
+        scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+    ) -> Answer:
+        """Find which points are inside of what is closed: meshes and spheres.
+
+        A point is inside if a ray from it crosses surfaces an odd number of times; two rays are
+        asked, in almost opposite directions.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like, or path-like of an .npy file
+            As for `visibility`.
+        out, progress, memory, threads, refine, grid, max_grid, fresh_marks, scratch
+            As for `visibility`.
+        checkpoint, every
+            As for `visibility`.
+
+        Returns
+        -------
+        Answer
+            ``inside`` (n,) int8: 1 inside, 0 outside, and -1 where the two rays disagree, since
+            something there is open, or the point is no number; ``stats.unsure_points`` counts
+            these, and a warning tells how many they are.
+
+        Raises
+        ------
+        SettingError
+            If points have other shapes or dtypes, or a setting cannot be honoured.
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
+            As for `render`.
+
+        Notes
+        -----
+        What is inside of two closed surfaces is outside again: a cavity is one in another. Cones
+        and cylinders are open at their ends. The answer is the same, bit for bit, for every memory
+        budget, number of threads and refinement.
+        """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+        work = self._keeping(checkpoint, every, "contains", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = PointQuestion(points, None, out, report, kept)
+            return contains_of(self._session.tracer, question, settings)
+
 
 class SceneWriter(StoreWriter):
     __doc__ = StoreWriter.__doc__
@@ -861,3 +1002,5 @@ cast_rays = of_scene(Scene.cast_rays)
 occluded = of_scene(Scene.occluded)
 count_intersections = of_scene(Scene.count_intersections)
 list_intersections = of_scene(Scene.list_intersections)
+visibility = of_scene(Scene.visibility)
+contains = of_scene(Scene.contains)

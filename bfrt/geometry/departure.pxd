@@ -6,6 +6,7 @@ Shading begins its rays so, and `bfrt.cast_rays` tells where others may begin th
 from libc.math cimport fabs
 
 from bfrt.geometry.box cimport Box
+from bfrt.geometry.far cimport Bounds
 from bfrt.geometry.shape cimport Surface
 from bfrt.geometry.vector cimport Line, Vec, along, dot, largest
 
@@ -39,6 +40,16 @@ cdef inline double world_error(Vec p) noexcept nogil:
     each rounds a coordinate by 2^-53 of it at the most.
     """
     return largest(p) * (1.0 / 1125899906842624.0)  # 2^-50
+
+
+cdef inline double place_error(Vec p, const Bounds* b) noexcept nogil:
+    """Bound the distance from its surface of a place that was a hit: p, relative to the store's
+    origin, which a ray met that began anywhere in the bounds."""
+    cdef double reach = 4.0 * largest(p)
+    cdef int k
+    for k in range(3):
+        reach += 2.0 * (fabs(b.lo[k]) + fabs(b.hi[k]))
+    return reach * (1.0 / 17592186044416.0)  # 2^-44
 
 
 cdef inline bint meets_front(const Surface* s, Vec d) noexcept nogil:

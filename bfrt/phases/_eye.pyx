@@ -5,19 +5,8 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from bfrt.geometry.far cimport Bounds, advance_far, bounds_of
 from bfrt.geometry.vector cimport Line, Vec, add, line, scale, unit, vec
+from bfrt.phases.hashing cimport mixed, uniform
 from bfrt.records cimport EYE, Queued
-
-
-cdef inline uint64_t mixed(uint64_t x) noexcept nogil:
-    """Hash x: the finalizer of SplitMix64 (Steele, Lea and Flood 2014)."""
-    x += <uint64_t>0x9E3779B97F4A7C15
-    x = (x ^ (x >> 30)) * <uint64_t>0xBF58476D1CE4E5B9
-    x = (x ^ (x >> 27)) * <uint64_t>0x94D049BB133111EB
-    return x ^ (x >> 31)
-
-
-cdef inline double uniform(uint64_t x) noexcept nogil:
-    return (x >> 11) * (1.0 / 9007199254740992.0)
 
 
 @cython.final
@@ -72,6 +61,31 @@ cdef class EyeRayGenerator:
             for i in range(out.shape[0]):
                 self.sample(first + i, &out[i])
 
+    def centers(self, int64_t first, double[:, ::1] out):
+        """Make the rays through the middles of pixels first, first + 1, ..., one each.
+
+        Parameters
+        ----------
+        out : (n, 6) float64
+            OUT. Eye, and unit direction.
+        """
+        cdef int64_t i, pixel
+        cdef Vec d
+        with nogil:
+            for i in range(out.shape[0]):
+                pixel = first + i
+                d = self.direction(pixel % self.width + 0.5, pixel // self.width + 0.5)
+                out[i, 0], out[i, 1], out[i, 2] = self.eye.x, self.eye.y, self.eye.z
+                out[i, 3], out[i, 4], out[i, 5] = d.x, d.y, d.z
+
+    cdef Vec direction(self, double x, double y) noexcept nogil:
+        """Return the direction to a point of the image, pixels from its upper left corner."""
+        cdef Vec d
+        x = 2.0 * x / self.width - 1.0
+        y = 1.0 - 2.0 * y / self.height
+        d = add(self.forward, add(scale(self.right, x), scale(self.up, y)))
+        return unit(d)
+
     cdef void sample(self, int64_t index, Queued* q) noexcept nogil:
         """Make the ray of a sample."""
         cdef int across = self.width + 1 if self.samples == 0 else self.width
@@ -79,7 +93,6 @@ cdef class EyeRayGenerator:
         cdef uint32_t pixel = <uint32_t>index, s = 0
         cdef uint64_t seed, row
         cdef double x = 0.0, y = 0.0
-        cdef Vec d
         cdef Line l
         if samples:
             pixel = <uint32_t>(index // samples)
@@ -88,10 +101,7 @@ cdef class EyeRayGenerator:
             row = (s * <uint64_t>self.turn + seed % samples) % samples
             x = (s + uniform(mixed(seed + 2 * s))) / samples
             y = (row + uniform(mixed(seed + 2 * s + 1))) / samples
-        x = 2.0 * (pixel % across + x) / self.width - 1.0
-        y = 1.0 - 2.0 * (pixel // across + y) / self.height
-        d = add(self.forward, add(scale(self.right, x), scale(self.up, y)))
-        l = line(self.eye, unit(d))
+        l = line(self.eye, self.direction(pixel % across + x, pixel // across + y))
         advance_far(&l, &self.bounds)
         q.ox, q.oy, q.oz = l.o.x, l.o.y, l.o.z
         q.dx, q.dy, q.dz = l.d.x, l.d.y, l.d.z

@@ -132,6 +132,25 @@ def rows(
         yield np.repeat(missed, min(rays - first, ROWS))
 
 
+def sums(records: Iterator[NDArray[Any]], points: int) -> Iterator[NDArray[np.int64]]:
+    """Yield the sums of the ``count`` of records with the same ``number``, for each of the points.
+
+    Numbers ascend, and those of one number come together.
+    """
+    done = 0
+    for some in records:
+        numbers = some["number"].astype(np.int64)
+        end = int(numbers[-1]) + 1
+        for first in range(done, end, ROWS):
+            last = min(end, first + ROWS)
+            a, b = np.searchsorted(numbers, [first, last])
+            own = np.bincount(numbers[a:b] - first, some["count"][a:b], last - first)
+            yield own.astype(np.int64)
+        done = end
+    for first in range(done, points, ROWS):
+        yield np.zeros(min(points - first, ROWS), np.int64)
+
+
 def pieces(blocks: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:
     """Yield blocks again, in pieces of which columns are made at once."""
     for block in blocks:

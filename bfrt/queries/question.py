@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,6 +94,20 @@ class Question(NamedTuple):
 Sessions = Callable[[Settings], AbstractContextManager[Tracer]]
 
 
+class Asking(Protocol):
+    """Tells of a question what its way through the scene needs."""
+
+    @property
+    def report(self) -> Report:
+        """Return what is called after each pass."""
+        ...
+
+    @property
+    def checkpoint(self) -> Checkpoint | None:
+        """Return what keeps the state, where anything does."""
+        ...
+
+
 class Query:
     """Takes the rays of a question through the scene.
 
@@ -103,7 +117,7 @@ class Query:
     rays : Rays
     kind : RayKind
         EYE for nearest hits, SHADOW for any.
-    question : Question
+    question : Asking
 
     Attributes
     ----------
@@ -116,7 +130,7 @@ class Query:
         is known.
     """
 
-    def __init__(self, tracer: Tracer, rays: Rays, kind: RayKind, question: Question) -> None:
+    def __init__(self, tracer: Tracer, rays: Rays, kind: RayKind, question: Asking) -> None:
         self.tracer = tracer
         whole = tracer.capacities
         self.capacities = whole if rays.known is None else whole.for_hits(rays.known)
