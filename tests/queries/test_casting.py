@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import resource
 import sys
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -19,7 +18,6 @@ from scenes import hard_scenes, random_rays
 
 import bfrt
 from bfrt.errors import SceneError, SettingError
-from bfrt.grid.partition import Limits
 from bfrt.queries import answers
 from bfrt.queries import given as given_module
 from bfrt.records import INDEX_BITS, NO_HIT
@@ -37,13 +35,7 @@ MASKED = np.ma.masked_equal(np.tile([7.0, 1.0, 1.0], (2, 1)), 7.0)
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
 #: Budgets as a query gets them: plenty, and so little that all goes to disk.
-PLANS = {
-    "roomy": fast.ROOMY,
-    "tight": replace(
-        fast.ROOMY, rays=61, candidates=150, hits=7, queue=11, threads=2, subspace=5000,
-        limits=Limits(voxels=32**3, slab=32 * 32**2, single=8**3, uppers=1 << 24),
-    ),
-}  # fmt: skip
+PLANS = {"roomy": fast.ROOMY, "tight": fast.TIGHT}
 
 
 @pytest.fixture(params=PLANS)

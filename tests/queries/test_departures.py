@@ -55,11 +55,10 @@ def test_positions_are_those_of_the_picture(tmp_path):
     path = bfrt.spd.rings(2).write(tmp_path / "r.bfrt").path
     with bfrt.open(path) as scene:
         camera = bfrt.Camera(**{**vars(scene.camera), "resolution": (32, 32)})
-        seen = scene.render(camera=camera, aovs=["position"])
         twice = bfrt.Camera(**{**vars(scene.camera), "resolution": (64, 64)})
         seen = scene.render(camera=twice, aovs=["position"])
         found = scene.cast_rays(bfrt.camera_rays(camera), outputs=["positions"])
-    expected = np.stack([seen[f"P.{axis}"][1::2, 1::2] for axis in "XYZ"], axis=-1)
+    expected = np.stack([seen.channels[f"P.{axis}"][1::2, 1::2] for axis in "XYZ"], axis=-1)
     assert np.isfinite(expected).mean() > 0.5
     np.testing.assert_array_equal(found["positions"].astype(np.float32), expected)
     assert "next_origins" not in found
