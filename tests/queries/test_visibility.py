@@ -142,7 +142,7 @@ def test_directions_are_spread(tmp_path, monkeypatch, spread):
 def awkward(rng, n=60):
     """A scene of all kinds, and points on and beside it."""
     objects = hard_scenes(rng)["overlapping"]
-    points, normals = rng.uniform(-0.7, 0.7, (n, 3)), units(rng, n)
+    points, normals = rng.uniform(-1.3, 1.3, (n, 3)), units(rng, n)
     points[7], normals[8], normals[9], points[10, 0] = np.nan, 0.0, np.inf, -np.inf
     return objects, points, normals
 
@@ -155,7 +155,7 @@ def test_the_same_bits_in_every_way(tmp_path, monkeypatch, rays, around):
     normals = normals if around else None
     for order in set(WAYS.values()):
         fast.write(objects, tmp_path / f"{order}.bfrt", order=order)
-    ask = {"rays": rays, "distance": 0.3, "cosine": around}
+    ask = {"rays": rays, "distance": 0.2, "cosine": around}
     expected = bfrt.visibility(tmp_path / "given.bfrt", points, normals, **ask)
     truth = expected["visibility"]
     bad = [7, 8, 9, 10] if around else [7, 10]
