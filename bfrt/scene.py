@@ -23,6 +23,7 @@ from bfrt.cluster.asked import Asked
 from bfrt.cluster.blocks import Local, lazy_answer
 from bfrt.cluster.engine import client_of, is_lazy
 from bfrt.cluster.place import Place
+from bfrt.cluster.point_blocks import lazy_point_answer
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
@@ -33,7 +34,7 @@ from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
 from bfrt.queries import casting
 from bfrt.queries.answers import Out
-from bfrt.queries.containment import contains as contains_of
+from bfrt.queries.containment import CONTAINS
 from bfrt.queries.extras import Extras
 from bfrt.queries.given import Given, Points
 from bfrt.queries.points import PointQuestion
@@ -807,7 +808,7 @@ class Scene:
         ----------
         points : (n, 3) array_like, or path-like of an .npy file
             As origins of `cast_rays`: of any leading shape, in world coordinates, larger than
-            memory if they are mapped or a file.
+            memory if they are mapped or a file. Where any is a dask array, so is the answer.
         normals : array_like or path-like, as points, optional
             Of any length but zero, one for each point or (3,) for all. Rays go to the hemisphere
             around each, and begin off the surface by the error that a hit there has. Without
@@ -853,13 +854,17 @@ class Scene:
         the same, bit for bit, for every memory budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
-        asked = visibility_of(rays, distance, around_normals=normals is not None, cosine=cosine)
+        query = visibility_of(rays, distance, around_normals=normals is not None, cosine=cosine)
+        if is_lazy(points, normals):
+            local = Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_point_answer(query, self.store, (points, normals), asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "visibility", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = PointQuestion(points, normals, out, report, kept)
-            return asked.answer(self._session.tracer, question, settings)
+            return query.answer(self._session.tracer, question, settings)
 
     def contains(
         self,
@@ -912,12 +917,16 @@ class Scene:
         budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(points):
+            local = Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_point_answer(CONTAINS, self.store, (points, None), asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "contains", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = PointQuestion(points, None, out, report, kept)
-            return contains_of(self._session.tracer, question, settings)
+            return CONTAINS.answer(self._session.tracer, question, settings)
 
 
 class SceneWriter(StoreWriter):

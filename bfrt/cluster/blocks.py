@@ -121,7 +121,7 @@ class BlockQuery:
         prepared : Prepared, or None
             What marks were made for, where there are any.
         """
-        o, d, near, far = map(_unpacked, (origins, directions, t_min, t_max))
+        o, d, near, far = map(unpacked, (origins, directions, t_min, t_max))
         question = Question(o, d, near, far, None, TaskReport())
         work = self.work if prepared is None else self.work.with_budget(prepared)
         with work.begun() as (session, settings):
@@ -161,7 +161,7 @@ def lazy_answer(
     local.check()
     rays, work = lazy_rays(*given), Work(Place.of(store), asked)
     listed = name == "list_intersections"
-    prepared = None if asked.refine == TREE else _prepared(work)
+    prepared = prepared_for(work)
     block = BlockQuery(work, name, extras)
     blocks = _blocks(block, rays, rays.firsts() if listed else None, prepared)
     if listed:
@@ -169,13 +169,19 @@ def lazy_answer(
     else:
         query = block.query
         assert isinstance(query, RowPerRay)
-        arrays = _columns(blocks, query.fields, rays.lead)
-    return answer_of(arrays, _counters(blocks, prepared))
+        arrays = columns_of(blocks, query.fields, rays.lead)
+    return answer_of(arrays, summed_counters(blocks, prepared))
 
 
-def _prepared(work: Work) -> Any:
-    """Return the task that all blocks wait for: it makes marks where there are none."""
+def prepared_for(work: Work) -> Any:
+    """Return the task that all blocks wait for: it makes marks where there are none.
+
+    A tree has no marks, and waits for nothing: None.
+    """
     from dask import delayed
+
+    if work.asked.refine == TREE:
+        return None
 
     return delayed(functools.partial(ready, work), pure=True)()
 
@@ -192,7 +198,7 @@ def _blocks(query: BlockQuery, rays: LazyRays, firsts: Any, prepared: Any) -> An
     )  # fmt: skip
 
 
-def _columns(blocks: Any, fields: Fields, lead: tuple[int, ...]) -> dict[str, Any]:
+def columns_of(blocks: Any, fields: Fields, lead: tuple[int, ...]) -> dict[str, Any]:
     """Return the arrays of an answer of a row for each ray, of that shape behind the first axis."""
     return {key: _column(blocks, key, dtype, (*lead, *row)) for key, (dtype, row) in fields.items()}
 
@@ -224,14 +230,14 @@ def _splits(blocks: Any, rays: LazyRays) -> Any:
     return da.concatenate([da.zeros(1, dtype=np.int64, chunks=1), da.cumsum(counts, axis=0)])
 
 
-def _unpacked(block: Any) -> Any:
+def unpacked(block: Any) -> Any:
     """Return what nested lists of one have."""
     while isinstance(block, list):
         (block,) = block
     return block
 
 
-def _counters(blocks: Any, prepared: Any) -> LazyCounters:
+def summed_counters(blocks: Any, prepared: Any) -> LazyCounters:
     """Return the sum of the counters of all blocks, for Dask to compute."""
     parts = dask_array().blockwise(
         part_of, "i", blocks, "i",

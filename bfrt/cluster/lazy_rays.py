@@ -49,13 +49,48 @@ class LazyRays(NamedTuple):
         SettingError
             If Dask does not know how many rays the blocks have.
         """
-        if any(map(math.isnan, self.chunks)):
-            raise SettingError(
-                "origins: found blocks of unknown size, expected known ones, as "
-                "origins.compute_chunk_sizes() makes them: rays are numbered through all blocks"
-            )
-        firsts = np.cumsum([0, *self.chunks[:-1]]).astype(np.int64)
-        return dask_array().from_array(firsts, chunks=1)
+        return _firsts("origins", "rays", self.chunks)
+
+
+class LazyPoints(NamedTuple):
+    """Holds the points of a query in blocks.
+
+    Attributes
+    ----------
+    points, normals : dask arrays, (n, 3) or (h, w, 3)
+        In blocks of whole rows. None where there are no normals.
+    """
+
+    points: Any
+    normals: Any
+
+    @property
+    def lead(self) -> tuple[int, ...]:
+        """Return the leading shape behind the first axis: () or (w,)."""
+        lead: tuple[int, ...] = self.points.shape[1:-1]
+        return lead
+
+    def firsts(self) -> Any:
+        """Return the number of each block's first point, a dask array of a number a block.
+
+        Raises
+        ------
+        SettingError
+            If Dask does not know how many points the blocks have.
+        """
+        each = math.prod(self.lead)
+        chunks = tuple(rows * each for rows in self.points.chunks[0])
+        return _firsts("points", "points", chunks)
+
+
+def _firsts(name: str, what: str, chunks: tuple[float, ...]) -> Any:
+    if any(map(math.isnan, chunks)):
+        raise SettingError(
+            f"{name}: found blocks of unknown size, expected known ones, as "
+            f"{name}.compute_chunk_sizes() makes them: {what} are numbered through all blocks"
+        )
+    firsts = np.cumsum([0, *chunks[:-1]]).astype(np.int64)
+    return dask_array().from_array(firsts, chunks=1)
 
 
 #: The blocks of the first axis, and the sizes of the axes between that and a ray's numbers.
@@ -88,6 +123,30 @@ def lazy_rays(origins: Any, directions: Any, t_min: Any, t_max: Any) -> LazyRays
         )
     lead = o.shape[:-1]
     return LazyRays(o, d, _column("t_min", t_min, lead, cut), _column("t_max", t_max, lead, cut))
+
+
+def lazy_points(points: Any, normals: Any) -> LazyPoints:
+    """Return points of which some are dask arrays, and their normals, in the same blocks.
+
+    Raises
+    ------
+    SettingError
+        If they have other shapes or dtypes than points have.
+    """
+    cut = _cut_of([(points, 1), (normals, 1)])
+    p = _rows("points", points, cut)
+    if p is None:
+        raise SettingError("points: found one with dask arrays of normals, expected as many")
+    if normals is None:
+        return LazyPoints(p, None)
+    n = _rows("normals", normals, cut)
+    n = _spread(normals, p) if n is None else n
+    if not _same(p.shape, n.shape) or p.numblocks != n.numblocks:
+        raise SettingError(
+            f"normals: found shape {n.shape} in {n.numblocks[0]} blocks, expected {p.shape} in "
+            f"{p.numblocks[0]}, as points have, or (3,) for all"
+        )
+    return LazyPoints(p, n)
 
 
 def _halves(rays: Any) -> tuple[Any, Any]:

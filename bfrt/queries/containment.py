@@ -47,28 +47,31 @@ def _parity(rays: Records) -> NDArray[np.uint32]:
     return odd << second
 
 
-def _row(sums: NDArray[np.int64]) -> NDArray[np.int8]:
-    return ANSWERS[sums]
+class Containment:
+    """Answers `bfrt.contains`, and tells how many points are unsure."""
+
+    fields = INSIDE
+
+    def answer(self, sessions: Sessions, question: PointQuestion, settings: Settings) -> Answer:
+        """Answer a question."""
+        unsure = 0
+
+        def row(sums: NDArray[np.int64]) -> NDArray[np.int8]:
+            nonlocal unsure
+            rows: NDArray[np.int8] = ANSWERS[sums]
+            unsure += int(np.count_nonzero(rows == UNSURE))
+            return rows
+
+        parities = RowPerPoint(RayKind.EYE, len(WAYS), np.inf, _look, _parity, INSIDE, row)
+        answer = parities.answer(sessions, question, settings)
+        answer.stats.unsure_points = unsure
+        if unsure:
+            log.warning(
+                "of %d points two rays disagree: what they cross is open there, or they are no "
+                "numbers",
+                unsure,
+            )
+        return answer
 
 
-CONTAINS = RowPerPoint(RayKind.EYE, len(WAYS), np.inf, _look, _parity, INSIDE, _row)
-
-
-def contains(sessions: Sessions, question: PointQuestion, settings: Settings) -> Answer:
-    """Answer `bfrt.contains`; tell how many points are unsure."""
-    unsure = 0
-
-    def row(sums: NDArray[np.int64]) -> NDArray[np.int8]:
-        nonlocal unsure
-        rows = _row(sums)
-        unsure += int(np.count_nonzero(rows == UNSURE))
-        return rows
-
-    answer = CONTAINS._replace(row=row).answer(sessions, question, settings)
-    answer.stats.unsure_points = unsure
-    if unsure:
-        log.warning(
-            "of %d points two rays disagree: what they cross is open there, or they are no numbers",
-            unsure,
-        )
-    return answer
+CONTAINS = Containment()

@@ -49,6 +49,8 @@ class PointQuestion(NamedTuple):
     out : mapping of arrays, or path-like, optional
     report : Report
     checkpoint : Checkpoint, optional
+    first : int
+        The number of the first point.
     """
 
     points: Points
@@ -56,6 +58,7 @@ class PointQuestion(NamedTuple):
     out: Out | None
     report: Report
     checkpoint: Checkpoint | None = None
+    first: int = 0
 
 
 class RowPerPoint(NamedTuple):
@@ -93,7 +96,7 @@ class RowPerPoint(NamedTuple):
         points, normals = _given(question)
         check_out(self.fields, points.lead, question.out)
         with sessions(settings) as tracer:
-            rays = self._rays(points, normals, tracer.store)
+            rays = self._rays(points, normals, self.look(tracer.store), question.first)
             query = Query(tracer, rays, self.kind, question)
             direct = self.kind == RayKind.SHADOW and question.checkpoint is None
             with Columns(shapes_of(self.fields, points.lead), question.out) as columns:
@@ -102,12 +105,15 @@ class RowPerPoint(NamedTuple):
                     columns.put({key: self.row(added) for key in self.fields})
             return query.answer(columns.arrays())
 
-    def _rays(self, points: Held | Stored, normals: Held | Stored | None, store: Store) -> Rays:
-        look, some = self.look(store), max(1, RAYS_AT_ONCE // self.each)
+    def _rays(
+        self, points: Held | Stored, normals: Held | Stored | None, look: Look, number: int
+    ) -> Rays:
+        """Return the rays of points, the first of which has a number."""
+        some = max(1, RAYS_AT_ONCE // self.each)
         begin, end = (np.broadcast_to(t, some * self.each) for t in (0.0, self.distance))
 
         def blocks() -> Iterator[Block]:
-            first = 0
+            first = number
             beside = _nothing() if normals is None else normals.blocks(some)
             for p, n in zip(points.blocks(some), beside, strict=normals is not None):
                 origins, directions = look(first, p, n)

@@ -105,6 +105,51 @@ def test_rays_of_other_shapes(asked, rays, name):
             assert answer[key].shape == array.shape if known else name == "list_intersections"
 
 
+@pytest.mark.parametrize("name", ["visibility", "visibility of all sides", "contains"])
+def test_points(shared_client, asked, rays, name):
+    """By their numbers through all blocks."""
+    scene, settings = asked
+    points, normals = (np.asarray(part[:900]) for part in rays)
+    maps = [part.reshape(30, 30, 3) for part in (points, normals)]
+    if name == "visibility":
+        forms = [
+            ((in_blocks(points), normals), (points, normals)),
+            ((points, in_blocks(normals)), (points, normals)),
+            ((in_blocks(points), (0, 0, 1.0)), (points, (0, 0, 1.0))),
+            ((in_blocks(maps[0], 7), in_blocks(maps[1], 4)), maps),
+        ]
+    else:
+        forms = [((in_blocks(points),), (points,)), ((in_blocks(maps[0], 7),), maps[:1])]
+    query = getattr(scene, name.split()[0])
+    for given, plain in forms:
+        expected = query(*plain, **settings)
+        answer = query(*given, **settings)
+        with dask.config.set(scheduler=shared_client):
+            found = answer.compute()
+        for key, values in expected.items():
+            assert answer[key].shape == values.shape and answer[key].dtype == values.dtype
+            np.testing.assert_array_equal(found[key], values)
+            assert len(np.unique(values)) > 1 or name == "contains"
+        assert found.stats.unsure_points == expected.stats.unsure_points
+        assert found.stats.total.rays == expected.stats.total.rays
+
+
+@pytest.mark.parametrize(
+    ("given", "settings", "said"),
+    [
+        ((da.zeros((4, 2)),), {}, "points: found float64 of shape (4, 2), expected"),
+        ((da.zeros((4, 3)), da.zeros((5, 3))), {}, "normals: found shape (5, 3) in 1 blocks"),
+        (((1.0, 2.0, 3.0), da.zeros((5, 3))), {}, "points: found one with dask arrays of normals"),
+        ((da.zeros((4, 3)),), {"out": "folder"}, "out: found one with dask arrays"),
+        ((da.zeros((4, 3)),), {"rays": 0}, "rays: found 0, expected a whole number"),
+        ((da.zeros((4, 3))[da.zeros(4) == 0],), {}, "points: found blocks of unknown size"),
+    ],
+)
+def test_points_that_are_refused(one, given, settings, said):
+    with pytest.raises(SettingError, match=re.escape(said)):
+        one.visibility(*given, **settings)
+
+
 def test_sizes_are_known_where_they_can_be(one, lazy):
     sizes = (300, 300, 300, 100)
     hits = one.cast_rays(*lazy)
