@@ -1,11 +1,17 @@
 from collections.abc import Sequence
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+class Spread(IntEnum):
+    AROUND = 0
+    UNIFORM = 1
+    COSINE = 2
+
 class Outlook:
     def __init__(
-        self, rays: int, spread: int, origin: Sequence[float], bounds: NDArray[np.float64]
+        self, rays: int, spread: Spread, origin: Sequence[float], bounds: NDArray[np.float64]
     ) -> None: ...
     def fill(
         self,

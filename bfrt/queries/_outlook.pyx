@@ -11,10 +11,10 @@ from bfrt.phases.hashing cimport mixed, uniform
 
 import numpy as np
 
-cdef enum:
-    SPHERE = 0   # all directions alike
-    UNIFORM = 1  # those of a hemisphere alike
-    COSINE = 2   # as many as light from there counts on a surface
+cpdef enum Spread:
+    AROUND   # all directions alike
+    UNIFORM  # those of a hemisphere alike
+    COSINE   # as many as light from there counts on a surface
 
 # The golden angle, by which the azimuths of a spiral's points go on.
 cdef double GOLDEN_COSINE = -0.7373688780783197
@@ -80,7 +80,7 @@ cdef class Outlook:
     rays : int
         A point, 1 or more.
     spread : int
-        SPHERE, UNIFORM or COSINE.
+        A `Spread`: AROUND, UNIFORM or COSINE.
     origin : (3,) float
         The store's, in world coordinates.
     bounds : (2, 3) float64
@@ -89,11 +89,11 @@ cdef class Outlook:
     """
 
     cdef double[:, ::1] azimuths
-    cdef int spread
+    cdef Spread spread
     cdef Vec origin
     cdef Bounds bounds
 
-    def __cinit__(self, int rays, int spread, origin, const double[:, ::1] bounds):
+    def __cinit__(self, int rays, Spread spread, origin, const double[:, ::1] bounds):
         cdef Turn t, step
         cdef int k
         cdef double size
@@ -122,7 +122,7 @@ cdef class Outlook:
             IN. World coordinates.
         normals : (n, 3) float64
             IN. Of any length but zero: rays begin off the surface to this side, by the error that a
-            hit there has. For SPHERE they are not looked at.
+            hit there has. For AROUND they are not looked at.
         origins, directions : (n rays, 3) float64
             OUT. Unit directions; NaN for those around a normal of no length.
         """
@@ -132,7 +132,7 @@ cdef class Outlook:
         with nogil:
             for i in range(points.shape[0]):
                 p = vec(points[i, 0], points[i, 1], points[i, 2])
-                if self.spread != SPHERE:
+                if self.spread != AROUND:
                     n = unit(vec(normals[i, 0], normals[i, 1], normals[i, 2]))
                     error = place_error(sub(p, self.origin), &self.bounds) + world_error(p)
                     p = along(p, n, error)
@@ -151,7 +151,7 @@ cdef class Outlook:
         cdef Vec d
         for k in range(each):
             part = (k + shift) / each
-            if self.spread == SPHERE:
+            if self.spread == AROUND:
                 up, out = 1.0 - 2.0 * part, 2.0 * sqrt(part * (1.0 - part))
             elif self.spread == UNIFORM:
                 up, out = 1.0 - part, sqrt(part * (2.0 - part))

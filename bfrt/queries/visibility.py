@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
-from bfrt.queries._outlook import Outlook
+from bfrt.queries._outlook import Outlook, Spread
 from bfrt.queries.answers import Fields
 from bfrt.queries.points import Look, Records, RowPerPoint, is_bad
 from bfrt.records import RayKind
@@ -20,9 +20,6 @@ VISIBILITY: Fields = {"visibility": (np.float32, ())}
 
 #: Rays of a point at the most.
 MOST_RAYS = 65536
-
-#: How directions are spread, as ``_outlook.pyx`` numbers it.
-SPHERE, UNIFORM, COSINE = range(3)
 
 
 def visibility(rays: int, distance: float, *, around_normals: bool, cosine: bool) -> RowPerPoint:
@@ -38,7 +35,7 @@ def visibility(rays: int, distance: float, *, around_normals: bool, cosine: bool
         raise SettingError(f"distance: found {distance!r:.80}, expected a number above 0")
     if cosine and not around_normals:
         raise SettingError("cosine: found True without normals, expected with them only")
-    spread = (COSINE if cosine else UNIFORM) if around_normals else SPHERE
+    spread = (Spread.COSINE if cosine else Spread.UNIFORM) if around_normals else Spread.AROUND
     return RowPerPoint(
         RayKind.SHADOW,
         each,
@@ -50,7 +47,7 @@ def visibility(rays: int, distance: float, *, around_normals: bool, cosine: bool
     )
 
 
-def _look(each: int, spread: int, store: Store) -> Look:
+def _look(each: int, spread: Spread, store: Store) -> Look:
     bounds = store.bounds
     corners = np.zeros((2, 3)) if bounds.empty else np.stack([bounds.lo, bounds.hi])
     outlook = Outlook(each, spread, store.origin, corners)
