@@ -504,9 +504,11 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. Another leading shape, as (h, w, 3), is that of the answer too, and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -595,9 +597,11 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. Another leading shape, as (h, w, 3), is that of the answer too, and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -667,9 +671,11 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. Another leading shape, as (h, w, 3), is that of the answer too, and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -736,9 +742,11 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. They may have another leading shape, as (h, w, 3), and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -759,9 +767,9 @@ class Scene:
         Returns
         -------
         Answer
-            ``ray_splits`` (n + 1,) int64: ray i has the rows [ray_splits[i], ray_splits[i + 1]) of
-            the other arrays, which are ordered by ray, then t, then id: ``ray_ids`` (m,) int64, and
-            the arrays of `cast_rays`, with m rows.
+            ``ray_splits`` (n + 1,) int64: ray i, in C's order, has the rows [ray_splits[i],
+            ray_splits[i + 1]) of the other arrays, which are ordered by ray, then t, then id:
+            ``ray_ids`` (m,) int64, and the arrays of `cast_rays`, with m rows.
 
         Raises
         ------

@@ -52,7 +52,8 @@ def surfaces(StreamScan scan, const QueryRay[::1] hits, uint64_t[::1] ids, dict 
                 record = pick_record(g)
                 given = pick_number(scan.ids) | <uint64_t>scan.number << INDEX_BITS
                 shape_load(g.kind, record, g.count, &g.frame, &shape)
-                shape_bounds(&shape, &box)
+                if departed:
+                    shape_bounds(&shape, &box)
             ids[i] = given
             l = line(vec(h.ox, h.oy, h.oz), vec(h.dx, h.dy, h.dz))
             shape_surface(&shape, &l, h.t, &s)
