@@ -2,7 +2,7 @@
 
 from libc.stdint cimport int64_t, uint64_t
 
-from bfrt.geometry.box cimport Box
+from bfrt.geometry.box cimport Box, box_clear
 from bfrt.geometry.departure cimport hit_error, next_origin, world_error
 from bfrt.geometry.shape cimport Shape, Surface, shape_bounds, shape_load, shape_surface
 from bfrt.geometry.vector cimport Line, Vec, add, line, unit, vec
@@ -44,6 +44,7 @@ def surfaces(StreamScan scan, const QueryRay[::1] hits, uint64_t[::1] ids, dict 
     cdef Surface s
     cdef Line l
     cdef Vec p
+    box_clear(&box)
     with nogil:
         for i in range(hits.shape[0]):
             h = &hits[i]
