@@ -1,10 +1,10 @@
+import enum
 from collections.abc import Sequence
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-class Spread(IntEnum):
+class Spread(enum.IntEnum):
     AROUND = 0
     UNIFORM = 1
     COSINE = 2
