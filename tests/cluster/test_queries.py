@@ -134,6 +134,19 @@ def test_points(shared_client, asked, rays, name):
         assert found.stats.total.rays == expected.stats.total.rays
 
 
+def test_where_hits_are(shared_client, asked, rays, lazy):
+    scene, settings = asked
+    wanted = {"outputs": ["next_origins", "positions"], "side": "back"}
+    answer = scene.cast_rays(*lazy, **wanted, **settings)
+    assert answer["positions"].shape == answer["next_origins"].shape == (RAYS, 3)
+    with dask.config.set(scheduler=shared_client):
+        found = answer.compute()
+    assert_same_answer(found, scene.cast_rays(*rays, **wanted, **settings))
+    other = scene.cast_rays(*lazy, outputs=["positions"], **settings)
+    assert "next_origins" not in other
+    assert other["positions"].name != answer["positions"].name
+
+
 @pytest.mark.parametrize(
     ("given", "settings", "said"),
     [
