@@ -36,8 +36,10 @@ OFFERED = {
     "StoreError": "bfrt.errors:StoreError",
     "StreamError": "bfrt.errors:StreamError",
     "Sun": "bfrt.store.sun:Sun",
+    "camera_rays": "bfrt.queries.camera:camera_rays",
     "cast_rays": "bfrt.scene:cast_rays",
     "clean": "bfrt.cleaning:clean",
+    "contains": "bfrt.scene:contains",
     "convert": "bfrt.conversion.convert:convert",
     "copy_store": "bfrt.cluster.copies:copy_store",
     "count_intersections": "bfrt.scene:count_intersections",
@@ -49,6 +51,7 @@ OFFERED = {
     "render": "bfrt.scene:render",
     "spd": "bfrt.spd",
     "viewshed": "bfrt.terrain.viewshed:viewshed",
+    "visibility": "bfrt.scene:visibility",
 }
 
 __all__ = list(OFFERED)

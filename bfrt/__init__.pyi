@@ -20,17 +20,20 @@ from bfrt.errors import (
 from bfrt.image.picture import Image
 from bfrt.planned import Plan
 from bfrt.progress import Progress
+from bfrt.queries.camera import camera_rays
 from bfrt.queries.question import Answer
 from bfrt.scene import (
     Scene,
     SceneWriter,
     cast_rays,
+    contains,
     count_intersections,
     framing_camera,
     list_intersections,
     occluded,
     plan,
     render,
+    visibility,
 )
 from bfrt.sharded import ShardedScene
 from bfrt.sharded import open_scene as open
@@ -65,8 +68,10 @@ __all__ = [
     "StoreError",
     "StreamError",
     "Sun",
+    "camera_rays",
     "cast_rays",
     "clean",
+    "contains",
     "convert",
     "copy_store",
     "count_intersections",
@@ -78,6 +83,7 @@ __all__ = [
     "render",
     "spd",
     "viewshed",
+    "visibility",
 ]
 
 __version__: str

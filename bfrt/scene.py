@@ -23,6 +23,7 @@ from bfrt.cluster.asked import Asked
 from bfrt.cluster.blocks import Local, lazy_answer
 from bfrt.cluster.engine import client_of, is_lazy
 from bfrt.cluster.place import Place
+from bfrt.cluster.point_blocks import lazy_point_answer
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.grid.marks import verify_marks
@@ -34,8 +35,12 @@ from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
 from bfrt.queries import casting
 from bfrt.queries.answers import Out
+from bfrt.queries.containment import CONTAINS
+from bfrt.queries.extras import Extras
+from bfrt.queries.given import Given, Points
+from bfrt.queries.points import PointQuestion
 from bfrt.queries.question import Answer, Question
-from bfrt.queries.rays import Given
+from bfrt.queries.visibility import visibility as visibility_of
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import picture_of
@@ -511,6 +516,8 @@ class Scene:
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
+        outputs: Sequence[str] = (),
+        side: str = "incoming",
         out: Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
@@ -529,12 +536,20 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. Another leading shape, as (h, w, 3), is that of the answer too, and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
+        outputs : sequence of {"positions", "next_origins"}
+            Keys that the answer has beside those that it always has.
+        side : {"incoming", "opposite", "front", "back"}
+            Where ``next_origins`` are: on the side that the ray came from, for reflections and
+            shadows; on the other one, for what goes through; on that of the object's normal, or
+            behind it.
         out : mapping of arrays, or path-like, optional
             Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` for
             each key, in which case the answer is memory maps of these.
@@ -556,6 +571,10 @@ class Scene:
             explains, and ``primitive_ids`` (n,) int64, the object's place among its kind, both -1
             for a miss; ``primitive_normals`` (n, 3) float32, unit and geometric, 0 for a miss;
             ``primitive_uvs`` (n, 2) float32, barycentric in triangles and patches, else 0.
+            ``positions`` (n, 3) float64, the places of the hits in world coordinates, and
+            ``next_origins`` (n, 3) float64, these moved off the surface by the hit's error: a ray
+            that begins there, and goes away from the surface on that side, does not meet it again
+            there. Both are inf for a miss.
 
         Raises
         ------
@@ -570,16 +589,17 @@ class Scene:
         for bit, for every memory budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        extras = Extras.of(outputs, side)
         if is_lazy(origins, directions, t_min, t_max):
             rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
             asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_answer("cast_rays", self.store, rays, asked, local)
+            return lazy_answer("cast_rays", self.store, rays, asked, local, extras)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "cast_rays", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.NEAREST.answer(self._session.tracer, question, settings)
+            return casting.nearest(extras).answer(self._session.tracer, question, settings)
 
     def occluded(
         self,
@@ -609,9 +629,11 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. Another leading shape, as (h, w, 3), is that of the answer too, and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -681,9 +703,11 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. Another leading shape, as (h, w, 3), is that of the answer too, and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -750,9 +774,11 @@ class Scene:
         ----------
         origins, directions : (n, 3) array_like, or path-like of an .npy file
             Float32, float64 or whole numbers of any byte order, in world coordinates; directions of
-            any length but zero. Memory maps and files may be larger than memory. Without
-            directions, `origins` is an iterable of blocks, pairs of such arrays. Where any is a
-            dask array, so are those of the answer, a `LazyAnswer`: a block of rays is a task.
+            any length but zero. They may have another leading shape, as (h, w, 3), and
+            one of them may be (3,), for all. Memory maps and files may be larger than memory.
+            Without directions, `origins` are rays of six numbers, (n, 6), or an iterable of blocks,
+            pairs of arrays or such rays. Where any is a dask array, so are those of the answer, a
+            `LazyAnswer`: a block of rays is a task.
         t_min, t_max : float or (n,) array_like
             Hits count in (t_min, t_max), in lengths of the direction. A ray with a t_min begins at
             ``origin + t_min * direction``, computed in float64.
@@ -773,9 +799,9 @@ class Scene:
         Returns
         -------
         Answer
-            ``ray_splits`` (n + 1,) int64: ray i has the rows [ray_splits[i], ray_splits[i + 1]) of
-            the other arrays, which are ordered by ray, then t, then id: ``ray_ids`` (m,) int64, and
-            the arrays of `cast_rays`, with m rows.
+            ``ray_splits`` (n + 1,) int64: ray i, in C's order, has the rows [ray_splits[i],
+            ray_splits[i + 1]) of the other arrays, which are ordered by ray, then t, then id:
+            ``ray_ids`` (m,) int64, and the arrays of `cast_rays`, with m rows.
 
         Raises
         ------
@@ -795,6 +821,152 @@ class Scene:
         with reporting(progress) as report, inside, work as kept:
             question = Question(origins, directions, t_min, t_max, out, report, kept)
             return casting.LIST.answer(self._session.tracer, question, settings)
+
+    def visibility(
+        self,
+        points: Points,
+        normals: Points | None = None,
+        rays: int = 64,
+        distance: float = np.inf,
+        *,
+        cosine: bool = False,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        fresh_marks: bool = False,
+        scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+    ) -> Answer:
+        """Find which part of what is around each point is open: ambient occlusion, sky view.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like, or path-like of an .npy file
+            As origins of `cast_rays`: of any leading shape, in world coordinates, larger than
+            memory if they are mapped or a file. Where any is a dask array, so is the answer.
+        normals : array_like or path-like, as points, optional
+            Of any length but zero, one for each point or (3,) for all. Rays go to the hemisphere
+            around each, and begin off the surface by the error that a hit there has. Without
+            normals rays go to all sides, and begin at the points.
+        rays : int
+            From each point, 1 to 65536.
+        distance : float
+            How far what hides may be, world units. Above 0.
+        cosine : bool
+            Whether directions count by their cosine with the normal, as in MeshLab's ambient
+            occlusion, and as light from there does; by default all count alike, as in
+            CloudCompare's PCV.
+        out : mapping of arrays, or path-like, optional
+            Arrays to fill, by the keys of the answer; or a folder that gets a file ``KEY.npy`` for
+            each key, in which case the answer is memory maps of these.
+        progress : bool or callable
+            As for `render`; it is told rays.
+        memory : str or int, optional
+            The budget of the whole process, as for `render`. The arrays of points and of the answer
+            are no part of it.
+        threads, refine, grid, max_grid, fresh_marks, scratch
+            As for `render`.
+        checkpoint, every
+            As for `render`, for answers that go to a folder: `out` must be one. The points must be
+            as they were.
+
+        Returns
+        -------
+        Answer
+            ``visibility`` (n,) float32, from 0, where all rays meet something, to 1; NaN where a
+            point or a normal is no number, or a normal has no length.
+
+        Raises
+        ------
+        SettingError
+            If points have other shapes or dtypes, or a setting cannot be honoured.
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
+            As for `render`.
+
+        Notes
+        -----
+        Directions are a Fibonacci lattice, turned by a hash of the point's number. The answer is
+        the same, bit for bit, for every memory budget, number of threads and refinement.
+        """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        query = visibility_of(rays, distance, around_normals=normals is not None, cosine=cosine)
+        if is_lazy(points, normals):
+            local = Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_point_answer(query, self.store, (points, normals), asked, local)
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+        work = self._keeping(checkpoint, every, "visibility", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = PointQuestion(points, normals, out, report, kept)
+            return query.answer(self._session.tracer, question, settings)
+
+    def contains(
+        self,
+        points: Points,
+        *,
+        out: Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        fresh_marks: bool = False,
+        scratch: PathLike | None = None,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+    ) -> Answer:
+        """Find which points are inside of what is closed: meshes and spheres.
+
+        A point is inside if a ray from it crosses surfaces an odd number of times; two rays are
+        asked, in almost opposite directions.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like, or path-like of an .npy file
+            As for `visibility`.
+        out, progress, memory, threads, refine, grid, max_grid, fresh_marks, scratch
+            As for `visibility`.
+        checkpoint, every
+            As for `visibility`.
+
+        Returns
+        -------
+        Answer
+            ``inside`` (n,) int8: 1 inside, 0 outside, and -1 where the two rays disagree, since
+            something there is open, or the point is no number; ``stats.unsure_points`` counts
+            these, and a warning tells how many they are.
+
+        Raises
+        ------
+        SettingError
+            If points have other shapes or dtypes, or a setting cannot be honoured.
+        BudgetError, StoreError, StreamError, DiskFullError, Cancelled, CheckpointError
+            As for `render`.
+
+        Notes
+        -----
+        What is inside of two closed surfaces is outside again: a cavity is one in another. Cones
+        and cylinders are open at their ends. The answer is the same, bit for bit, for every memory
+        budget, number of threads and refinement.
+        """
+        refine = self._refinement(refine, grid, max_grid, fresh_marks)
+        if is_lazy(points):
+            local = Local(out, progress, checkpoint)
+            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return lazy_point_answer(CONTAINS, self.store, (points, None), asked, local)
+        settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+        work = self._keeping(checkpoint, every, "contains", settings, out)
+        inside = self._inside(settings, "tracing rays")
+        with reporting(progress) as report, inside, work as kept:
+            question = PointQuestion(points, None, out, report, kept)
+            return CONTAINS.answer(self._session.tracer, question, settings)
 
 
 class SceneWriter(StoreWriter):
@@ -879,3 +1051,5 @@ cast_rays = of_scene(Scene.cast_rays)
 occluded = of_scene(Scene.occluded)
 count_intersections = of_scene(Scene.count_intersections)
 list_intersections = of_scene(Scene.list_intersections)
+visibility = of_scene(Scene.visibility)
+contains = of_scene(Scene.contains)

@@ -17,8 +17,8 @@ from bfrt.image.picture import Image
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
 from bfrt.queries.answers import Out
+from bfrt.queries.given import Given
 from bfrt.queries.question import Answer, Question
-from bfrt.queries.rays import Given
 from bfrt.refusals import in_memory
 from bfrt.scene import Geometry, PathLike, Scene
 from bfrt.scene import open_scene as open_here

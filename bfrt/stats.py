@@ -151,6 +151,7 @@ class Stats:
     tree: dict[str, Any] | None = None
     hierarchy_seconds: float = 0.0
     bad_rays: int = 0
+    unsure_points: int = 0
     total: Counters = field(default_factory=Counters)
     depths: list[Counters] = field(default_factory=list)
     peak_rss_bytes: int = 0
@@ -215,6 +216,7 @@ class Stats:
             "tree": self.tree,
             "hierarchy_seconds": self.hierarchy_seconds,
             "bad_rays": self.bad_rays,
+            "unsure_points": self.unsure_points,
             **asdict(self.total),
             "peak_rss_bytes": self.peak_rss_bytes,
             "depths": [asdict(depth) for depth in self.depths],

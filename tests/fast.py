@@ -66,6 +66,12 @@ def limited(capacities: GridCapacities, **limits: int) -> Capacities:
     return replace(capacities, limits=capacities.limits._replace(**limits))
 
 
+#: So little of a query that all goes to disk.
+TIGHT = replace(
+    ROOMY, rays=61, candidates=150, hits=7, queue=11, threads=2, subspace=5000,
+    limits=Limits(voxels=32**3, slab=32 * 32**2, single=8**3, uppers=1 << 24),
+)  # fmt: skip
+
 #: What may be tight, all that a budget divides; none of it may change a hit.
 VARIATIONS = {
     "roomy": ROOMY,

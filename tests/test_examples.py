@@ -66,6 +66,7 @@ def test_there_are_examples():
         "smooth",
         "snapshot",
         "viewshed",
+        "visibility",
     ]
 
 

@@ -33,13 +33,13 @@ from bfrt.errors import SettingError
 from bfrt.queries import casting
 from bfrt.queries.answers import Fields
 from bfrt.queries.casting import RowPerHit, RowPerRay
+from bfrt.queries.extras import NO_EXTRAS, Extras
 from bfrt.queries.question import Question
 from bfrt.settings import TREE
 from bfrt.store.store import Store
 
-#: The queries by their names.
+#: The queries by their names, but `cast_rays`.
 QUERIES: dict[str, RowPerRay | RowPerHit] = {
-    "cast_rays": casting.NEAREST,
     "occluded": casting.ANY_HIT,
     "count_intersections": casting.COUNT,
     "list_intersections": casting.LIST,
@@ -92,10 +92,18 @@ class BlockQuery:
     work : Work
     name : str
         The query.
+    extras : Extras
+        What `cast_rays` tells beside what it always tells.
     """
 
     work: Work
     name: str
+    extras: Extras = NO_EXTRAS
+
+    @property
+    def query(self) -> RowPerRay | RowPerHit:
+        """Return the query."""
+        return casting.nearest(self.extras) if self.name == "cast_rays" else QUERIES[self.name]
 
     def __call__(
         self, origins: Any, directions: Any, t_min: Any, t_max: Any, first: Any, prepared: Any
@@ -104,38 +112,46 @@ class BlockQuery:
 
         Parameters
         ----------
-        origins, directions : list of one (n, 3) ndarray
+        origins, directions : (n, 3) or (h, w, 3) ndarray, in nested lists of one
             As Dask hands over blocks of which the rows are whole.
-        t_min, t_max : float or (n,) ndarray
+        t_min, t_max : float, or (n,) or (h, w) ndarray
+            In lists likewise.
         first : (1,) ndarray, or None
             The number of the block's first ray, where rays are numbered.
         prepared : Prepared, or None
             What marks were made for, where there are any.
         """
-        (o,), (d,) = origins, directions
-        question = Question(o, d, t_min, t_max, None, TaskReport())
+        o, d, near, far = map(unpacked, (origins, directions, t_min, t_max))
+        question = Question(o, d, near, far, None, TaskReport())
         work = self.work if prepared is None else self.work.with_budget(prepared)
         with work.begun() as (session, settings):
-            answer = QUERIES[self.name].answer(session.tracer, question, settings)
+            answer = self.query.answer(session.tracer, question, settings)
         if first is not None:
             answer["ray_ids"] += first[0]
         return {**answer, COUNTERS: (this_worker().name, answer.stats)}
 
 
 def lazy_answer(
-    name: str, store: Store, given: tuple[Any, Any, Any, Any], asked: Asked, local: Local
+    name: str,
+    store: Store,
+    given: tuple[Any, Any, Any, Any],
+    asked: Asked,
+    local: Local,
+    extras: Extras = NO_EXTRAS,
 ) -> LazyAnswer:
     """Return what a query of dask arrays will answer.
 
     Parameters
     ----------
     name : str
-        The query, one of `QUERIES`.
+        The query: "cast_rays", or one of `QUERIES`.
     store : Store
     given : tuple
         Origins, directions, t_min and t_max; some of them are dask arrays.
     asked : Asked
     local : Local
+    extras : Extras
+        What `cast_rays` tells beside what it always tells.
 
     Raises
     ------
@@ -145,64 +161,83 @@ def lazy_answer(
     local.check()
     rays, work = lazy_rays(*given), Work(Place.of(store), asked)
     listed = name == "list_intersections"
-    prepared = None if asked.refine == TREE else _prepared(work)
-    blocks = _blocks(BlockQuery(work, name), rays, rays.firsts() if listed else None, prepared)
+    prepared = prepared_for(work)
+    block = BlockQuery(work, name, extras)
+    blocks = _blocks(block, rays, rays.firsts() if listed else None, prepared)
     if listed:
-        arrays = {SPLITS: _splits(blocks), **_columns(blocks, casting.LISTED, sized=False)}
+        arrays = {SPLITS: _splits(blocks, rays), **_listed(blocks)}
     else:
-        query = QUERIES[name]
+        query = block.query
         assert isinstance(query, RowPerRay)
-        arrays = _columns(blocks, query.fields, sized=True)
-    return answer_of(arrays, _counters(blocks, prepared))
+        arrays = columns_of(blocks, query.fields, rays.lead)
+    return answer_of(arrays, summed_counters(blocks, prepared))
 
 
-def _prepared(work: Work) -> Any:
-    """Return the task that all blocks wait for: it makes marks where there are none."""
+def prepared_for(work: Work) -> Any:
+    """Return the task that all blocks wait for: it makes marks where there are none.
+
+    A tree has no marks, and waits for nothing: None.
+    """
     from dask import delayed
+
+    if work.asked.refine == TREE:
+        return None
 
     return delayed(functools.partial(ready, work), pure=True)()
 
 
 def _blocks(query: BlockQuery, rays: LazyRays, firsts: Any, prepared: Any) -> Any:
     """Return the answers of all blocks, each a dict, as the blocks of a dask array."""
-    pairs: list[Any] = [rays.origins, "ix", rays.directions, "ix"]
+    axes = "ijk"[: 1 + len(rays.lead)]
+    pairs: list[Any] = [rays.origins, f"{axes}x", rays.directions, f"{axes}x"]
     for column in (rays.t_min, rays.t_max, firsts):
-        pairs += [column, "i" if hasattr(column, "chunks") else None]
+        pairs += [column, axes[: column.ndim] if hasattr(column, "chunks") else None]
     return dask_array().blockwise(
         query, "i", *pairs, prepared, None, dtype=object, meta=np.empty(0, object),
         token=f"bfrt-{query.name}", align_arrays=False,
     )  # fmt: skip
 
 
-def _columns(blocks: Any, fields: Fields, *, sized: bool) -> dict[str, Any]:
-    """Return the arrays of an answer; where they have a row a hit nobody knows how many."""
-    return {
-        key: _column(blocks, key, dtype, shape, sized=sized)
-        for key, (dtype, shape) in fields.items()
-    }
+def columns_of(blocks: Any, fields: Fields, lead: tuple[int, ...]) -> dict[str, Any]:
+    """Return the arrays of an answer of a row for each ray, of that shape behind the first axis."""
+    return {key: _column(blocks, key, dtype, (*lead, *row)) for key, (dtype, row) in fields.items()}
 
 
-def _column(blocks: Any, key: str, dtype: Any, shape: tuple[int, ...], *, sized: bool) -> Any:
-    axes = "ik"[: 1 + len(shape)]
+def _listed(blocks: Any) -> dict[str, Any]:
+    """Return the arrays of an answer of a row for each hit: nobody knows how many there are."""
+    unknown = {"adjust_chunks": {"i": math.nan}}
+    fields = casting.LISTED.items()
+    return {key: _column(blocks, key, dtype, row, unknown) for key, (dtype, row) in fields}
+
+
+def _column(
+    blocks: Any, key: str, dtype: Any, row: tuple[int, ...], sizes: Mapping[str, Any] | None = None
+) -> Any:
+    axes = "ijkl"[: 1 + len(row)]
     return dask_array().blockwise(
-        column_of, axes, blocks, "i", key, None,
-        new_axes=dict(zip("k", shape, strict=False)),
-        adjust_chunks=None if sized else {"i": math.nan},
-        dtype=dtype, meta=np.empty((0,) * len(axes), dtype), token=f"bfrt-{key}",
+        column_of, axes, blocks, "i", key, None, new_axes=dict(zip("jkl", row, strict=False)),
+        dtype=dtype, meta=np.empty((0,) * len(axes), dtype), token=f"bfrt-{key}", **(sizes or {}),
     )  # fmt: skip
 
 
-def _splits(blocks: Any) -> Any:
+def _splits(blocks: Any, rays: LazyRays) -> Any:
     """Return where the hits of each ray begin, through all blocks."""
     da = dask_array()
     counts = da.blockwise(
-        counts_of, "i", blocks, "i",
+        counts_of, "i", blocks, "i", adjust_chunks={"i": rays.chunks},
         dtype=np.int64, meta=np.empty(0, np.int64), token="bfrt-counts",
     )  # fmt: skip
     return da.concatenate([da.zeros(1, dtype=np.int64, chunks=1), da.cumsum(counts, axis=0)])
 
 
-def _counters(blocks: Any, prepared: Any) -> LazyCounters:
+def unpacked(block: Any) -> Any:
+    """Return what nested lists of one have."""
+    while isinstance(block, list):
+        (block,) = block
+    return block
+
+
+def summed_counters(blocks: Any, prepared: Any) -> LazyCounters:
     """Return the sum of the counters of all blocks, for Dask to compute."""
     parts = dask_array().blockwise(
         part_of, "i", blocks, "i",

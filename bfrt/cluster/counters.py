@@ -61,6 +61,7 @@ def _add(whole: Stats, stats: Stats) -> None:
     whole.tree = whole.tree or stats.tree
     whole.hierarchy_seconds = stats.hierarchy_seconds
     whole.bad_rays += stats.bad_rays
+    whole.unsure_points += stats.unsure_points
     whole.total.add(stats.total)
     while len(whole.depths) < len(stats.depths):
         whole.depths.append(Counters())

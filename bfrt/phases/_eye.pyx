@@ -61,6 +61,31 @@ cdef class EyeRayGenerator:
             for i in range(out.shape[0]):
                 self.sample(first + i, &out[i])
 
+    def centers(self, int64_t first, double[:, ::1] out):
+        """Make the rays through the middles of pixels first, first + 1, ..., one each.
+
+        Parameters
+        ----------
+        out : (n, 6) float64
+            OUT. Eye, and unit direction.
+        """
+        cdef int64_t i, pixel
+        cdef Vec d
+        with nogil:
+            for i in range(out.shape[0]):
+                pixel = first + i
+                d = self.direction(pixel % self.width + 0.5, pixel // self.width + 0.5)
+                out[i, 0], out[i, 1], out[i, 2] = self.eye.x, self.eye.y, self.eye.z
+                out[i, 3], out[i, 4], out[i, 5] = d.x, d.y, d.z
+
+    cdef Vec direction(self, double x, double y) noexcept nogil:
+        """Return the direction to a point of the image, pixels from its upper left corner."""
+        cdef Vec d
+        x = 2.0 * x / self.width - 1.0
+        y = 1.0 - 2.0 * y / self.height
+        d = add(self.forward, add(scale(self.right, x), scale(self.up, y)))
+        return unit(d)
+
     cdef void sample(self, int64_t index, Queued* q) noexcept nogil:
         """Make the ray of a sample."""
         cdef int across = self.width + 1 if self.samples == 0 else self.width
@@ -68,7 +93,6 @@ cdef class EyeRayGenerator:
         cdef uint32_t pixel = <uint32_t>index, s = 0
         cdef uint64_t seed, row
         cdef double x = 0.0, y = 0.0
-        cdef Vec d
         cdef Line l
         if samples:
             pixel = <uint32_t>(index // samples)
@@ -77,10 +101,7 @@ cdef class EyeRayGenerator:
             row = (s * <uint64_t>self.turn + seed % samples) % samples
             x = (s + uniform(mixed(seed + 2 * s))) / samples
             y = (row + uniform(mixed(seed + 2 * s + 1))) / samples
-        x = 2.0 * (pixel % across + x) / self.width - 1.0
-        y = 1.0 - 2.0 * (pixel // across + y) / self.height
-        d = add(self.forward, add(scale(self.right, x), scale(self.up, y)))
-        l = line(self.eye, unit(d))
+        l = line(self.eye, self.direction(pixel % across + x, pixel // across + y))
         advance_far(&l, &self.bounds)
         q.ox, q.oy, q.oz = l.o.x, l.o.y, l.o.z
         q.dx, q.dy, q.dz = l.d.x, l.d.y, l.d.z

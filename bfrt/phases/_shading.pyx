@@ -1,10 +1,11 @@
 """The shading loop: local color, and the rays that go on from a hit."""
 
 cimport cython
-from libc.math cimport ceil, fabs, sqrt
+from libc.math cimport ceil, sqrt
 from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box
+from bfrt.geometry.departure cimport hit_error, meets_front
 from bfrt.geometry.hemisphere cimport Basis, basis_around, cosine_direction
 from bfrt.geometry.power cimport power
 from bfrt.geometry.shape cimport Shape, Surface, shape_bounds, shape_load, shape_surface
@@ -71,20 +72,6 @@ cdef inline Bent refracted(Vec d, Vec n, double eta) noexcept nogil:
     if not b.total:
         b.d = add(scale(d, eta), scale(n, eta * cosine - sqrt(k)))
     return b
-
-
-cdef inline double hit_error(const Line* l, double t, Vec p, const Box* b) noexcept nogil:
-    """Bound the distance of a computed hit from its surface, with some room.
-
-    Every kernel works on sums of the ray's origin, its way and the object's coordinates, and
-    errs by a few units in the last place of the largest; after the idea of error bounds in pbrt
-    (Pharr, Jakob and Humphreys, chapter 3.9), in float64, where one bound serves all kinds.
-    """
-    cdef double reach = largest(l.o) + fabs(t) * largest(l.d) + largest(p)
-    cdef int k
-    for k in range(3):
-        reach += fabs(b.lo[k]) + fabs(b.hi[k])
-    return reach * (1.0 / 17592186044416.0)  # 2^-44
 
 
 @cython.final
@@ -232,7 +219,7 @@ cdef class Shader:
         shape_surface(&shaded.shape, &l, h.t, s)
         own = s.shading
         # Two-sided: both normals are turned to the ray, the shading one to the other's side.
-        i.outside = dot(s.geometric, i.d) < 0.0
+        i.outside = meets_front(s, i.d)
         if not i.outside:
             s.geometric = scale(s.geometric, -1.0)
         if dot(s.shading, s.geometric) < 0.0:

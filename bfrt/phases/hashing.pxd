@@ -19,4 +19,5 @@ cdef inline uint64_t mixed(uint64_t x) noexcept nogil:
 
 
 cdef inline double uniform(uint64_t x) noexcept nogil:
+    """Return a number in [0, 1) of a hash."""
     return (x >> 11) * (1.0 / 9007199254740992.0)

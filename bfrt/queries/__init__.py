@@ -7,5 +7,7 @@
                                                             │ by ray: answers
                                                          Columns ─► new arrays, the caller's, files
 
-``casting`` has an object for each query, which `bfrt.Scene` asks.
+``casting`` has an object for each query, which `bfrt.Scene` asks; ``visibility`` and
+``containment`` have those about points, whose rays ``points`` adds up. ``given`` knows what callers
+give.
 """

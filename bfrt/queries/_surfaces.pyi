@@ -9,6 +9,6 @@ def surfaces(
     scan: StreamScan,
     hits: NDArray[Any],
     ids: NDArray[np.uint64],
-    normals: NDArray[np.float32],
-    uvs: NDArray[np.float32],
+    columns: dict[str, NDArray[Any]],
+    side: int,
 ) -> None: ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -18,6 +19,7 @@ from bfrt.errors import SettingError
 from bfrt.masks import is_masked
 from bfrt.paths import check_folder
 from bfrt.queries.answer_files import answer_paths
+from bfrt.queries.given import Lead
 from bfrt.records import plain
 from bfrt.refusals import calling, closing
 from bfrt.streams.atomic_write import put
@@ -130,6 +132,25 @@ def rows(
         yield np.repeat(missed, min(rays - first, ROWS))
 
 
+def sums(records: Iterator[NDArray[Any]], points: int) -> Iterator[NDArray[np.int64]]:
+    """Yield the sums of the ``count`` of records with the same ``number``, for each of the points.
+
+    Numbers ascend, and those of one number come together.
+    """
+    done = 0
+    for some in records:
+        numbers = some["number"].astype(np.int64)
+        end = int(numbers[-1]) + 1
+        for first in range(done, end, ROWS):
+            last = min(end, first + ROWS)
+            a, b = np.searchsorted(numbers, [first, last])
+            own = np.bincount(numbers[a:b] - first, some["count"][a:b], last - first)
+            yield own.astype(np.int64)
+        done = end
+    for first in range(done, points, ROWS):
+        yield np.zeros(min(points - first, ROWS), np.int64)
+
+
 def pieces(blocks: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:
     """Yield blocks again, in pieces of which columns are made at once."""
     for block in blocks:
@@ -148,8 +169,8 @@ def split_ends(numbers: NDArray[np.int64], first: int, last: int) -> Iterator[ND
 Fields = Mapping[str, tuple[Any, tuple[int, ...]]]
 
 
-def check_out(fields: Fields, count: int | None, out: Out | None) -> None:
-    """Refuse what an answer of `count` rows, where that is known, cannot be put into.
+def check_out(fields: Fields, lead: Lead | None, out: Out | None) -> None:
+    """Refuse what an answer of a leading shape, where that is known, cannot be put into.
 
     Raises
     ------
@@ -160,7 +181,7 @@ def check_out(fields: Fields, count: int | None, out: Out | None) -> None:
     if isinstance(out, (str, os.PathLike)):
         check_folder("out", out, map(file_of, fields))
     elif isinstance(out, Mapping):
-        _check_arrays(fields, count, out)
+        _check_arrays(fields, lead, out)
     elif out is not None:
         raise SettingError(f"out: found {type(out).__name__}, expected arrays by key or a folder")
 
@@ -170,7 +191,7 @@ def file_of(key: str) -> str:
     return f"{key}.npy"
 
 
-def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[Any]]) -> None:
+def _check_arrays(fields: Fields, lead: Lead | None, out: Mapping[str, NDArray[Any]]) -> None:
     for key, array in out.items():
         if key not in fields:
             raise SettingError(f"out: found {key!r}, expected some of {', '.join(fields)}")
@@ -179,7 +200,7 @@ def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[A
             kind = "read-only" if isinstance(array, np.ndarray) else type(array).__name__
             kind = "masked" if is_masked(array) else kind
             raise SettingError(f"out: found {key} that is {kind}, expected an array to fill")
-        expected = (len(array) if count is None else count, *shape)
+        expected = (*(array.shape[:1] if lead is None else lead), *shape)
         if array.shape != expected or array.dtype != np.dtype(dtype):
             raise SettingError(
                 f"out: found {key} of {array.dtype} and shape {array.shape}, "
@@ -187,13 +208,33 @@ def _check_arrays(fields: Fields, count: int | None, out: Mapping[str, NDArray[A
             )
 
 
-#: Of each key of an answer the shape of its array, and the dtype.
-Shapes = dict[str, tuple[tuple[int, ...], Any]]
+class Shape(NamedTuple):
+    """Tells the shape of an array: its rows, in C's order, are those of its leading axes.
+
+    Attributes
+    ----------
+    lead, row : tuple of int
+        Of the rows, and of each.
+    dtype
+    """
+
+    lead: Lead
+    row: tuple[int, ...]
+    dtype: Any
+
+    @property
+    def whole(self) -> tuple[int, ...]:
+        """Return the shape of the array."""
+        return (*self.lead, *self.row)
 
 
-def shapes_of(fields: Fields, count: int) -> Shapes:
-    """Return the shapes of the arrays of an answer of `count` rows."""
-    return {key: ((count, *shape), dtype) for key, (dtype, shape) in fields.items()}
+#: Of each key of an answer the shape of its array.
+Shapes = dict[str, Shape]
+
+
+def shapes_of(fields: Fields, lead: Lead) -> Shapes:
+    """Return the shapes of the arrays of an answer of a leading shape."""
+    return {key: Shape(lead, row, dtype) for key, (dtype, row) in fields.items()}
 
 
 class Columns:
@@ -217,9 +258,9 @@ class Columns:
         given = out if isinstance(out, Mapping) else {}
         self._arrays = dict(given)
         if self._folder is None:
-            for key, (shape, dtype) in self._shapes.items():
+            for key, shape in self._shapes.items():
                 if key not in given:
-                    self._arrays[key] = np.empty(shape, dtype)
+                    self._arrays[key] = np.empty(shape.whole, shape.dtype)
 
     def __enter__(self) -> Columns:
         if self._folder is not None:
@@ -232,14 +273,14 @@ class Columns:
         """Create the files, aside."""
         names = [file_of(key) for key in self._shapes]
         paths = stack.enter_context(answer_paths(folder, names))
-        for path, (key, (shape, dtype)) in zip(paths, self._shapes.items(), strict=True):
+        for path, (key, shape) in zip(paths, self._shapes.items(), strict=True):
             with calling(folder / path.name, "creating"):
                 made = path.open("wb", buffering=0)
             file = stack.enter_context(closing(made, folder / file_of(key)))
-            descr = npy.dtype_to_descr(np.dtype(dtype))
+            descr = npy.dtype_to_descr(np.dtype(shape.dtype))
             head = BytesIO()
             npy.write_array_header_1_0(
-                head, {"descr": descr, "fortran_order": False, "shape": shape}
+                head, {"descr": descr, "fortran_order": False, "shape": shape.whole}
             )
             put(file, head.getvalue(), folder / file_of(key))
             self._files[key] = file
@@ -250,12 +291,12 @@ class Columns:
     def room(self, n: int) -> dict[str, NDArray[Any]]:
         """Return arrays to fill with the next n rows, and to put: mostly the answer's own."""
         made: dict[str, NDArray[Any]] = {}
-        for key, (shape, dtype) in self._shapes.items():
+        for key, shape in self._shapes.items():
             if key in self._arrays and self._arrays[key].flags.c_contiguous:
                 first = self._done[key]
-                made[key] = self._arrays[key][first : first + n]
+                made[key] = self._arrays[key].reshape(-1, *shape.row)[first : first + n]
             else:
-                made[key] = np.empty((n, *shape[1:]), dtype)
+                made[key] = np.empty((n, *shape.row), shape.dtype)
         return made
 
     def put(self, block: Mapping[str, NDArray[Any]]) -> None:
@@ -263,13 +304,22 @@ class Columns:
         for key, values in block.items():
             if key in self._files:
                 assert self._folder is not None
-                data = np.ascontiguousarray(values, self._shapes[key][1])
+                data = np.ascontiguousarray(values, self._shapes[key].dtype)
                 put(self._files[key], view_of(data), self._folder / file_of(key))
             else:
                 first = self._done[key]
                 self._done[key] = first + len(values)
                 if not np.may_share_memory(self._arrays[key], values):
-                    self._arrays[key][first : self._done[key]] = values
+                    self._fill(key, slice(first, self._done[key]), values)
+
+    def _fill(self, key: str, rows: slice, values: NDArray[Any]) -> None:
+        """Copy rows into an array, which may have gaps."""
+        array, shape = self._arrays[key], self._shapes[key]
+        if len(shape.lead) == 1:
+            array[rows] = values
+        else:
+            each = math.prod(shape.row)
+            array.flat[each * rows.start : each * rows.stop] = values.reshape(-1)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays filled; files are mapped."""

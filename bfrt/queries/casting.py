@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -34,6 +35,7 @@ from bfrt.queries.answers import (
     split_ends,
 )
 from bfrt.queries.direct import Cast, cast_all, is_resident
+from bfrt.queries.extras import EXTRA_FIELDS, NO_EXTRAS, Extras
 from bfrt.queries.question import Answer, Answers, Query, Question, Sessions
 from bfrt.queries.surfaces import SURFACE, surfaces_of
 from bfrt.records import HIT, NO_HIT, RayKind
@@ -91,7 +93,7 @@ class RowPerRay(NamedTuple):
     def answer(self, sessions: Sessions, question: Question, settings: Settings) -> Answer:
         """Answer a question."""
         rays = question.rays()
-        check_out(self.fields, rays.known, question.out)
+        check_out(self.fields, rays.lead, question.out)
         with sessions(settings) as tracer:
             query = Query(tracer, rays, self.kind, question)
             at_once = rays.known is not None and question.checkpoint is None
@@ -99,18 +101,18 @@ class RowPerRay(NamedTuple):
                 return query.answer(cast_all(query, self.cast, self.fields, question.out))
             with Answers(query, self.absent.dtype, query.capacities.queue) as answers:
                 self.find(query, answers)
-                check_out(self.fields, query.rays, question.out)
-                shapes = shapes_of(self.fields, query.rays)
+                check_out(self.fields, query.lead, question.out)
+                shapes = shapes_of(self.fields, query.lead)
                 with Columns(shapes, question.out) as columns:
                     for block in rows(answers.ordered(), query.rays, self.absent):
                         columns.put(self.columns(block))
             return query.answer(columns.arrays())
 
 
-def _nearest(query: Query, answers: Answers) -> None:
+def _nearest(query: Query, answers: Answers, extras: Extras) -> None:
     with closing(query.spool(HIT, query.capacities.hits)) as hits:
         query.trace(lambda rays: hits.append(rays[rays["id"] != NO_HIT].view(HIT)), hits)
-        _resolve(query, hits, query.capacities.hits, answers)
+        _resolve(query, hits, query.capacities.hits, answers, extras)
 
 
 def _any_hit(query: Query, answers: Answers) -> None:
@@ -126,11 +128,13 @@ def _count(query: Query, answers: Answers) -> None:
     )
 
 
-def _resolve(query: Query, hits: Spool, room: int, answers: Answers) -> None:
-    """Find normals and uv of hits."""
+def _resolve(
+    query: Query, hits: Spool, room: int, answers: Answers, extras: Extras = NO_EXTRAS
+) -> None:
+    """Find normals and uv of hits, and what else is asked for."""
     counters = Counters()
     with counters.phases.shading.timed():
-        for found in surfaces_of(hits, query.tracer, room, counters):
+        for found in surfaces_of(hits, query.tracer, room, counters, extras):
             answers.append(found)
     query.stats.total.add(counters)
 
@@ -154,6 +158,7 @@ def hit_columns(block: Block) -> dict[str, Block]:
         "primitive_ids": np.where(missed, MISS, index.astype(np.int64)),
         "primitive_normals": block["normal"],
         "primitive_uvs": block["uv"],
+        **{key: block[key] for key in EXTRA_FIELDS if key in (block.dtype.names or ())},
     }
 
 
@@ -163,11 +168,17 @@ def _missed() -> Block:
     return record
 
 
-#: `bfrt.cast_rays`: the nearest hit of each ray.
-NEAREST = RowPerRay(
-    RayKind.EYE, HIT_FIELDS, _missed(), _nearest, hit_columns,
-    lambda caster, rays, columns: caster.nearest(rays, columns),
-)  # fmt: skip
+def nearest(extras: Extras = NO_EXTRAS) -> RowPerRay:
+    """Return `bfrt.cast_rays`: the nearest hit of each ray, with what else is asked for."""
+    return RowPerRay(
+        RayKind.EYE,
+        {**HIT_FIELDS, **extras.fields},
+        extras.missed(_missed()),
+        partial(_nearest, extras=extras),
+        hit_columns,
+        lambda caster, rays, columns: caster.nearest(rays, columns, extras.side),
+    )
+
 
 #: `bfrt.occluded`: whether each ray hits anything.
 ANY_HIT = RowPerRay(
@@ -234,7 +245,7 @@ def put_listed(
     folder : path-like, optional
         Where the answer goes.
     """
-    shapes = {**shapes_of(SPLITS, rays + 1), **shapes_of(LISTED, count)}
+    shapes = {**shapes_of(SPLITS, (rays + 1,)), **shapes_of(LISTED, (count,))}
     with Columns(shapes, folder) as columns:
         columns.put({"ray_splits": np.zeros(1, np.int64)})
         hits_before = rays_before = 0

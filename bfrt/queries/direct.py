@@ -34,7 +34,7 @@ def cast_all(query: Query, cast: Cast, fields: Fields, out: Out | None) -> dict[
     assert isinstance(tracer, TreeTracer)
     assert query.known is not None
     tracer.begin(query.stats)
-    shapes = shapes_of(fields, query.known)
+    shapes = shapes_of(fields, query.lead)
     with query.stats.depth(1) as counters, Columns(shapes, out) as columns:
         with counters.phases.intersection.timed():
             while len(query.queue):

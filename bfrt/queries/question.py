@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,8 @@ from bfrt.phases.flight import PATHS
 from bfrt.phases.traversal import Queue
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries.answers import Out, ordered
-from bfrt.queries.rays import Given, RayQueue, Rays, rays_of
+from bfrt.queries.given import Given, Lead, Rays, rays_of
+from bfrt.queries.rays import RayQueue
 from bfrt.records import HIT, QUERY_PATH, QUERY_RAY, QUEUED_BYTES, RayKind
 from bfrt.rendering import stats_of
 from bfrt.settings import Settings
@@ -93,6 +94,20 @@ class Question(NamedTuple):
 Sessions = Callable[[Settings], AbstractContextManager[Tracer]]
 
 
+class Asking(Protocol):
+    """Tells of a question what its way through the scene needs."""
+
+    @property
+    def report(self) -> Report:
+        """Return what is called after each pass."""
+        ...
+
+    @property
+    def checkpoint(self) -> Checkpoint | None:
+        """Return what keeps the state, where anything does."""
+        ...
+
+
 class Query:
     """Takes the rays of a question through the scene.
 
@@ -102,7 +117,7 @@ class Query:
     rays : Rays
     kind : RayKind
         EYE for nearest hits, SHADOW for any.
-    question : Question
+    question : Asking
 
     Attributes
     ----------
@@ -115,7 +130,7 @@ class Query:
         is known.
     """
 
-    def __init__(self, tracer: Tracer, rays: Rays, kind: RayKind, question: Question) -> None:
+    def __init__(self, tracer: Tracer, rays: Rays, kind: RayKind, question: Asking) -> None:
         self.tracer = tracer
         whole = tracer.capacities
         self.capacities = whole if rays.known is None else whole.for_hits(rays.known)
@@ -124,6 +139,7 @@ class Query:
         kept = self._checkpoint is not None
         self.queue = RayQueue(tracer.store, rays.blocks, kind, checked=kept)
         self.known = rays.known
+        self._lead = rays.lead
         self._report = question.report
         self._start = time.perf_counter()
 
@@ -131,6 +147,11 @@ class Query:
     def rays(self) -> int:
         """Return the number of rays so far: all, once they are traced."""
         return self.queue.taken
+
+    @property
+    def lead(self) -> Lead:
+        """Return the leading shape of the rays: that of the answer, once they are traced."""
+        return (self.rays,) if self._lead is None else self._lead
 
     def trace(self, take: Take, held: Spool, crossings: AllHits | None = None) -> None:
         """Take all rays through the scene.

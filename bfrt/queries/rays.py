@@ -1,53 +1,21 @@
-"""Rays as they are given: arrays, memory maps, .npy files or blocks; as a queue of records."""
+"""The rays of a query as a queue of records, made as they are taken."""
 
 from __future__ import annotations
 
-import errno
-import os
 import zlib
-from collections.abc import Iterable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from bfrt.checkpoint.state import Facts
-from bfrt.errors import SceneError, SettingError, StreamError
-from bfrt.formats.npy import NpyArray
-from bfrt.formats.source import Source
-from bfrt.formats.table import Rows
-from bfrt.masks import is_masked
-from bfrt.paths import path_of
+from bfrt.errors import SettingError
 from bfrt.queries._rays import RayRecords
+from bfrt.queries.given import RAYS_AT_ONCE, Block
 from bfrt.records import HIT, QUERY_RAY, RayKind
 from bfrt.store.store import Store
-
-#: Rays that are taken from an array at once.
-RAYS_AT_ONCE = 65536
-
-#: What the system says of a path where there is no file for us.
-ABSENT = (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES)
-
-Block = tuple[NDArray[Any], NDArray[Any], NDArray[np.float64], NDArray[np.float64]]
-
-#: What rays may be given as.
-Given = ArrayLike | str | os.PathLike[str] | Iterable[tuple[ArrayLike, ArrayLike]]
-
-
-class Rays(NamedTuple):
-    """Holds the rays of a query, as they are given.
-
-    Attributes
-    ----------
-    blocks : iterator of Block
-    known : int, optional
-        Number of rays, where it is known.
-    """
-
-    blocks: Iterator[Block]
-    known: int | None
 
 
 class RayQueue:
@@ -165,103 +133,3 @@ class RayQueue:
         if bad:
             self._bad.append(bad)
         return out
-
-
-def rays_of(origins: Given, directions: Given | None, t_min: ArrayLike, t_max: ArrayLike) -> Rays:
-    """Return the rays that are given, as `bfrt.cast_rays` takes them.
-
-    Raises
-    ------
-    SettingError
-        If they have other shapes or dtypes.
-    """
-    if directions is None:
-        return Rays(_given_blocks(origins, t_min, t_max), None)
-    o, d = _rows("origins", origins), _rows("directions", directions)
-    if o.shape != d.shape:
-        raise SettingError(
-            f"rays: found origins {o.shape} and directions {d.shape}, expected one shape (n, 3)"
-        )
-    count = o.shape[0]
-    near, far = _column("t_min", t_min, count), _column("t_max", t_max, count)
-
-    def blocks() -> Iterator[Block]:
-        for number, rays in enumerate(
-            zip(o.blocks(RAYS_AT_ONCE), d.blocks(RAYS_AT_ONCE), strict=True)
-        ):
-            part = slice(number * RAYS_AT_ONCE, (number + 1) * RAYS_AT_ONCE)
-            yield *rays, near[part], far[part]
-
-    return Rays(blocks(), count)
-
-
-class Held:
-    """Presents a caller's array, in memory or mapped, as rows to be read."""
-
-    def __init__(self, name: str, given: ArrayLike) -> None:
-        self.name = name
-        self._array = _array(name, given, "(n, 3)")
-        self.shape, self.dtype = self._array.shape, self._array.dtype
-
-    def blocks(self, rows: int) -> Iterator[NDArray[Any]]:
-        for first in range(0, len(self._array), rows):
-            yield self._array[first : first + rows]
-
-
-def _given_blocks(given: Any, t_min: ArrayLike, t_max: ArrayLike) -> Iterator[Block]:
-    if isinstance(given, (np.ndarray, str, os.PathLike)) or not isinstance(given, Iterable):
-        raise SettingError("directions: found none, expected them, or blocks in place of origins")
-    if _array("t_min", t_min, "a number").ndim or _array("t_max", t_max, "a number").ndim:
-        raise SettingError("rays: found blocks with an array of t, expected one t_min and t_max")
-    for block in given:
-        try:
-            o, d = block
-        except (TypeError, ValueError):
-            raise SettingError("rays: found a block, expected origins and directions") from None
-        yield from rays_of(o, d, t_min, t_max).blocks
-
-
-def _rows(name: str, given: Any) -> Rows:
-    """Return rows (n, 3) of float32, float64 or whole numbers; a file's are read on demand."""
-    file = isinstance(given, (str, os.PathLike))
-    array: Rows = _stored(name, str(path_of(name, given))) if file else Held(name, given)
-    floats = array.dtype.newbyteorder("=") in (np.float32, np.float64)
-    numbers = floats or array.dtype.kind in "iu"
-    if len(array.shape) != 2 or array.shape[1] != 3 or not numbers:
-        raise SettingError(
-            f"{array.name}: found {array.dtype} of shape {array.shape}, "
-            "expected float32 or float64 of shape (n, 3)"
-        )
-    return array
-
-
-def _array(name: str, given: ArrayLike, expected: str) -> NDArray[Any]:
-    """Return anything that NumPy takes for an array as one, unless elements of it are masked."""
-    if is_masked(given):
-        raise SettingError(f"{name}: found masked elements, expected numbers")
-    try:
-        return np.asarray(given)
-    except (TypeError, ValueError):
-        raise SettingError(f"{name}: found rows of several lengths, expected {expected}") from None
-
-
-def _stored(name: str, path: str) -> NpyArray:
-    """Open an .npy file's array, whose blocks are read forwards."""
-    try:
-        return NpyArray(path, partial(Source, path))
-    except SceneError as error:
-        raise SettingError(f"{error}, for {name}") from None
-    except StreamError as error:
-        if error.errno not in ABSENT:
-            raise
-        said = os.strerror(error.errno)
-        raise SettingError(f"{path}: expected an .npy file of {name}: {said}") from None
-
-
-def _column(name: str, given: ArrayLike, n: int) -> NDArray[np.float64]:
-    array = _array(name, given, f"a number or ({n},)")
-    if array.dtype.kind not in "fiu" or array.shape not in ((), (n,)):
-        raise SettingError(
-            f"{name}: found {array.dtype} of shape {array.shape}, expected a number or ({n},)"
-        )
-    return np.broadcast_to(array, (n,))

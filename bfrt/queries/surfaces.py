@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from bfrt.phases.hit_order import HitLoads, hits_of, picked
 from bfrt.queries._surfaces import surfaces
+from bfrt.queries.answers import Fields
+from bfrt.queries.extras import NO_EXTRAS, Extras
 from bfrt.records import QUERY_RAY
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
@@ -32,9 +34,11 @@ SURFACE = np.dtype(
 
 
 def surfaces_of(
-    hits: Spool, tracer: Tracer, room: int, counters: Counters
+    hits: Spool, tracer: Tracer, room: int, counters: Counters, extras: Extras = NO_EXTRAS
 ) -> Iterator[NDArray[Any]]:
     """Yield all hits of a spool with their surfaces, (n,) of SURFACE, by ascending id.
+
+    Records have the fields of `extras` too.
 
     Parameters
     ----------
@@ -48,9 +52,10 @@ def surfaces_of(
         It gets what this costs.
     """
     groups = tracer.scans
-    for records, begins in HitLoads(hits, groups, max(1, room // 2)):
+    parts = 3 if extras.keys else 2
+    for records, begins in HitLoads(hits, groups, max(1, room // parts)):
         some = records.view(QUERY_RAY)
-        faces = Surfaces(some, tracer.workers)
+        faces = Surfaces(some, tracer.workers, extras)
         for scans in groups:
             faces.find(scans)
             counters.sweep(0, scans, begins)
@@ -67,14 +72,22 @@ class Surfaces:
     hits : (n,) records.QUERY_RAY
         Ascending by id.
     workers : Workers
+    extras : Extras
     """
 
-    def __init__(self, hits: NDArray[Any], workers: Workers) -> None:
-        self._normals = np.empty((len(hits), 3), np.float32)
-        self._uvs = np.empty((len(hits), 2), np.float32)
+    def __init__(self, hits: NDArray[Any], workers: Workers, extras: Extras) -> None:
+        fields: Fields = {
+            "primitive_normals": (np.float32, (3,)),
+            "primitive_uvs": (np.float32, (2,)),
+            **extras.fields,
+        }
+        self._columns = {
+            key: np.empty((len(hits), *row), dtype) for key, (dtype, row) in fields.items()
+        }
         self._keys = np.empty(len(hits), np.uint64)
         self._hits = hits
         self._ids = np.ascontiguousarray(hits["id"])
+        self._extras = extras
         self._workers = workers
 
     def find(self, scans: GroupScans) -> None:
@@ -91,15 +104,19 @@ class Surfaces:
         def resolve(_: int, chunk: tuple[StreamScan, slice]) -> None:
             scan, some = chunk
             own = slice(starts[some.start], starts[some.stop])
-            surfaces(scan, self._hits[own], self._keys[own], self._normals[own], self._uvs[own])
+            columns = {key: values[own] for key, values in self._columns.items()}
+            surfaces(scan, self._hits[own], self._keys[own], columns, self._extras.side)
 
         self._workers.drain(source, resolve)
 
     def records(self) -> NDArray[Any]:
         """Return the hits with what was found, (n,) of SURFACE; t is that of the rays asked."""
         hits = self._hits
-        found = np.empty(len(hits), SURFACE)
+        found = np.empty(len(hits), self._extras.record(SURFACE))
         found["number"], found["key"] = hits["number"], self._keys
         found["t"] = np.ldexp(hits["t"] + hits["moved"], -hits["power"])
-        found["normal"], found["uv"] = self._normals, self._uvs
+        found["normal"] = self._columns["primitive_normals"]
+        found["uv"] = self._columns["primitive_uvs"]
+        for key in self._extras.keys:
+            found[key] = self._columns[key]
         return found

@@ -27,8 +27,9 @@ from bfrt.queries.casting import (
     hit_columns,
     put_listed,
 )
+from bfrt.queries.given import Rays
 from bfrt.queries.question import Answer, Question
-from bfrt.queries.rays import RayQueue, Rays
+from bfrt.queries.rays import RayQueue
 from bfrt.queries.surfaces import SURFACE
 from bfrt.records import RayKind
 from bfrt.settings import scratch_folder
@@ -167,11 +168,11 @@ def answer_of(
     wanted: Wanted, blocks: Iterator[Block], rays: Rays, out: Out | None, path: str
 ) -> dict[str, NDArray[Any]]:
     """Return the arrays of an answer, filled as blocks land."""
-    assert rays.known is not None
+    assert rays.known is not None and rays.lead is not None
     if wanted.find is Find.ALL:
         return listed(blocks, rays.known, out, path)
-    check_out(wanted.fields, rays.known, out)
-    with Columns(shapes_of(wanted.fields, rays.known), out) as columns:
+    check_out(wanted.fields, rays.lead, out)
+    with Columns(shapes_of(wanted.fields, rays.lead), out) as columns:
         for block in blocks:
             if wanted.find is Find.NEAREST:
                 columns.put(hit_columns(block.found))

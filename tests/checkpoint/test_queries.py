@@ -142,3 +142,46 @@ def test_a_checkpoint_is_for_answers_in_a_folder(scenes, rays, tmp_path, query):
         with pytest.raises(SettingError, match="checkpoint: found no folder for the answer"):
             getattr(scenes["given"], query)(*rays, checkpoint=tmp_path / "kept", out=out)
     assert list(tmp_path.iterdir()) == []
+
+
+POINTS = {"visibility": {"rays": 5, "distance": 3.0}, "contains": {}}
+
+
+@pytest.mark.parametrize("query", POINTS)
+@pytest.mark.parametrize("form", FORMS)
+def test_points_after_kills(scenes, rays, tmp_path, form, query):
+    """What the rays of a point add up to is kept, and each of them counts once."""
+    refine, scene, other, name = ways(form, scenes)
+    points, asked = rays[0].copy(), POINTS[query]
+    points[7] = np.nan
+    whole = getattr(scenes[name], query)(points, **asked)
+    assert len(np.unique(whole[next(iter(whole))])) > 2
+    settings = {"checkpoint": tmp_path / "kept", "every": 0, "refine": refine, **asked}
+    runs = 0
+    while True:
+        try:
+            turn = (scene, other)[runs % 2]
+            answer = getattr(turn, query)(
+                points, out=tmp_path / "out", progress=Stop(2 + runs % 2), **settings
+            )
+            break
+        except Killed:
+            runs += 1
+    assert runs >= 2
+    for key, values in whole.items():
+        assert np.asarray(answer[key]).tobytes() == values.tobytes()
+    assert answer.stats.bad_rays == whole.stats.bad_rays
+    assert answer.stats.unsure_points == whole.stats.unsure_points
+
+
+def test_other_points_are_refused(scenes, rays, tmp_path):
+    points, kept = rays[0], tmp_path / "kept"
+    settings = {"out": tmp_path / "out", "checkpoint": kept, "every": 0}
+    scene = tight()(scenes["given"])
+    with pytest.raises(Killed):
+        scene.visibility(points, rays=5, progress=Stop(9), **settings)
+    for given in ({"rays": 6}, {"rays": 5, "distance": 2.0}, {"normals": -points, "rays": 5}):
+        with pytest.raises(SettingError, match=f"{kept}: found other rays among the"):
+            scene.visibility(points, **given, **settings)
+    with pytest.raises(SettingError, match='with work "visibility", expected work "contains"'):
+        scene.contains(points, **settings)

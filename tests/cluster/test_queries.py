@@ -82,6 +82,87 @@ def test_the_answer_is_the_same(shared_client, asked, rays, lazy, name):
     )
 
 
+@pytest.mark.parametrize("name", QUERIES)
+def test_rays_of_other_shapes(asked, rays, name):
+    """Rows of six, maps, and one for all."""
+    scene, settings = asked
+    query = getattr(scene, name)
+    o, d = (np.asarray(part[:900]).reshape(30, 30, 3) for part in rays)
+    six = np.concatenate([o, d], axis=-1)
+    t_max = np.linspace(0.5, 2.0, 900).reshape(30, 30)
+    for given, plain in (
+        ((in_blocks(six, 7), None, 0.0, in_blocks(t_max, 4)), (six, None, 0.0, t_max)),
+        ((in_blocks(o, 7), d, 0.0, t_max), (o, d, 0.0, t_max)),
+        ((in_blocks(six.reshape(900, 6)),), (six.reshape(900, 6),)),
+        ((da.from_array(o, chunks=(9, 4, 2)), in_blocks(d, 4)), (o, d)),
+        (([*o[0, 0]], in_blocks(d, 7)), (o[0, 0], d)),
+        ((in_blocks(o.reshape(900, 3)), d[0, 0]), (o.reshape(900, 3), d[0, 0])),
+    ):
+        answer = query(*given, **settings)
+        assert_same_answer(answer.compute(), query(*plain, **settings))
+        for key, array in query(*plain, **settings).items():
+            known = not np.isnan(answer[key].shape[0])
+            assert answer[key].shape == array.shape if known else name == "list_intersections"
+
+
+@pytest.mark.parametrize("name", ["visibility", "visibility of all sides", "contains"])
+def test_points(shared_client, asked, rays, name):
+    """By their numbers through all blocks."""
+    scene, settings = asked
+    points, normals = (np.asarray(part[:900]) for part in rays)
+    maps = [part.reshape(30, 30, 3) for part in (points, normals)]
+    if name == "visibility":
+        forms = [
+            ((in_blocks(points), normals), (points, normals)),
+            ((points, in_blocks(normals)), (points, normals)),
+            ((in_blocks(points), (0, 0, 1.0)), (points, (0, 0, 1.0))),
+            ((in_blocks(maps[0], 7), in_blocks(maps[1], 4)), maps),
+        ]
+    else:
+        forms = [((in_blocks(points),), (points,)), ((in_blocks(maps[0], 7),), maps[:1])]
+    query = getattr(scene, name.split()[0])
+    for given, plain in forms:
+        expected = query(*plain, **settings)
+        answer = query(*given, **settings)
+        with dask.config.set(scheduler=shared_client):
+            found = answer.compute()
+        for key, values in expected.items():
+            assert answer[key].shape == values.shape and answer[key].dtype == values.dtype
+            np.testing.assert_array_equal(found[key], values)
+            assert len(np.unique(values)) > 1 or name == "contains"
+        assert found.stats.unsure_points == expected.stats.unsure_points
+        assert found.stats.total.rays == expected.stats.total.rays
+
+
+def test_where_hits_are(shared_client, asked, rays, lazy):
+    scene, settings = asked
+    wanted = {"outputs": ["next_origins", "positions"], "side": "back"}
+    answer = scene.cast_rays(*lazy, **wanted, **settings)
+    assert answer["positions"].shape == answer["next_origins"].shape == (RAYS, 3)
+    with dask.config.set(scheduler=shared_client):
+        found = answer.compute()
+    assert_same_answer(found, scene.cast_rays(*rays, **wanted, **settings))
+    other = scene.cast_rays(*lazy, outputs=["positions"], **settings)
+    assert "next_origins" not in other
+    assert other["positions"].name != answer["positions"].name
+
+
+@pytest.mark.parametrize(
+    ("given", "settings", "said"),
+    [
+        ((da.zeros((4, 2)),), {}, "points: found float64 of shape (4, 2), expected"),
+        ((da.zeros((4, 3)), da.zeros((5, 3))), {}, "normals: found shape (5, 3) in 1 blocks"),
+        (((1.0, 2.0, 3.0), da.zeros((5, 3))), {}, "points: found one with dask arrays of normals"),
+        ((da.zeros((4, 3)),), {"out": "folder"}, "out: found one with dask arrays"),
+        ((da.zeros((4, 3)),), {"rays": 0}, "rays: found 0, expected a whole number"),
+        ((da.zeros((4, 3))[da.zeros(4) == 0],), {}, "points: found blocks of unknown size"),
+    ],
+)
+def test_points_that_are_refused(one, given, settings, said):
+    with pytest.raises(SettingError, match=re.escape(said)):
+        one.visibility(*given, **settings)
+
+
 def test_sizes_are_known_where_they_can_be(one, lazy):
     sizes = (300, 300, 300, 100)
     hits = one.cast_rays(*lazy)
@@ -272,7 +353,8 @@ def test_what_travels_is_small(one, lazy):
         ({"t_max": "far"}, "t_max: found 'far', expected a number or (n,)"),
         ({"t_max": np.ones(7)}, "t_max: found float64 of shape (7,), expected a number or (1000,)"),
         ({"directions": None}, "directions: found none, expected an array"),
-        ({"directions": [1, 2, 3]}, "directions: found list with dask arrays, expected an array"),
+        ({"directions": [[1, 2, 3]]}, "directions: found list with dask arrays, expected an array"),
+        ({"directions": ["a", "b", "c"]}, "rays: found <U1 of shape (3,), expected float32"),
         ({"directions": da.zeros((7, 3))}, "rays: found origins (1000, 3) and directions (7, 3)"),
         ({"directions": da.zeros((1000, 2))}, "directions: found float64 of shape (1000, 2)"),
         ({"directions": da.zeros((1000, 3), dtype="c8")}, "directions: found complex64 of shape"),

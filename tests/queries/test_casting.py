@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import resource
 import sys
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -19,9 +18,8 @@ from scenes import hard_scenes, random_rays
 
 import bfrt
 from bfrt.errors import SceneError, SettingError
-from bfrt.grid.partition import Limits
 from bfrt.queries import answers
-from bfrt.queries import rays as rays_module
+from bfrt.queries import given as given_module
 from bfrt.records import INDEX_BITS, NO_HIT
 from bfrt.reference import exhaustive
 from bfrt.scene import Scene
@@ -37,13 +35,7 @@ MASKED = np.ma.masked_equal(np.tile([7.0, 1.0, 1.0], (2, 1)), 7.0)
 NAMES = sorted(hard_scenes(np.random.default_rng(0)))
 
 #: Budgets as a query gets them: plenty, and so little that all goes to disk.
-PLANS = {
-    "roomy": fast.ROOMY,
-    "tight": replace(
-        fast.ROOMY, rays=61, candidates=150, hits=7, queue=11, threads=2, subspace=5000,
-        limits=Limits(voxels=32**3, slab=32 * 32**2, single=8**3, uppers=1 << 24),
-    ),
-}  # fmt: skip
+PLANS = {"roomy": fast.ROOMY, "tight": fast.TIGHT}
 
 
 @pytest.fixture(params=PLANS)
@@ -308,7 +300,7 @@ def test_files_and_blocks_are_as_good_as_arrays(tmp_path, planned):
 @pytest.mark.parametrize("dtype", ["f4", "f8", "i2", "u8"])
 def test_files_of_rays_are_read_by_blocks(spheres, tmp_path, monkeypatch, dtype, order):
     """Not mapped: a disk that fails would end the process."""
-    monkeypatch.setattr(rays_module, "RAYS_AT_ONCE", 7)
+    monkeypatch.setattr(given_module, "RAYS_AT_ONCE", 7)
     monkeypatch.setattr(np, "memmap", None)
     o = np.arange(60).reshape(20, 3).astype(dtype, order)
     d = (9 - np.arange(60).reshape(20, 3) % 7).astype(dtype, order)
@@ -329,7 +321,7 @@ def test_files_of_rays_are_read_by_blocks(spheres, tmp_path, monkeypatch, dtype,
 
 def test_a_read_of_rays_that_is_refused(spheres, tmp_path, monkeypatch):
     """At the first read, the second, and so on: one error with its place, and no answers."""
-    monkeypatch.setattr(rays_module, "RAYS_AT_ONCE", 7)
+    monkeypatch.setattr(given_module, "RAYS_AT_ONCE", 7)
     path, out = tmp_path / "rays.npy", tmp_path / "out"
     np.save(path, np.ones((20, 3)))
 
@@ -341,7 +333,7 @@ def test_a_read_of_rays_that_is_refused(spheres, tmp_path, monkeypatch):
 
 
 def test_a_cut_file_of_rays(spheres, tmp_path, monkeypatch):
-    monkeypatch.setattr(rays_module, "RAYS_AT_ONCE", 7)
+    monkeypatch.setattr(given_module, "RAYS_AT_ONCE", 7)
     path, cut, out = tmp_path / "rays.npy", tmp_path / "cut.npy", tmp_path / "out"
     np.save(path, np.ones((20, 3)))
     data = path.read_bytes()

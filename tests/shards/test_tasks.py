@@ -12,7 +12,8 @@ from bfrt.cluster.asked import Asked
 from bfrt.errors import SettingError, StoreError
 from bfrt.ids import stream_of
 from bfrt.queries.casting import hit_columns
-from bfrt.queries.rays import RayQueue, rays_of
+from bfrt.queries.given import rays_of
+from bfrt.queries.rays import RayQueue
 from bfrt.records import NO_HIT, QUERY_RAY, RayKind
 from bfrt.wavefront.cargo import Cargo
 from bfrt.wavefront.carriers import ShardPlace, Sight, seen, shared_out

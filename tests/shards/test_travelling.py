@@ -43,6 +43,20 @@ def test_answers_are_those_of_one_store(scenes, way, shared_client, tmp_path):
     assert sorted(n for numbers in far.workers.values() for n in numbers) == list(range(5))
 
 
+def test_rays_of_other_shapes(scenes, shared_client, tmp_path):
+    """Rows of six, maps, and one for all: answers have their shape."""
+    one, sharded = scenes["given"]
+    far = bfrt.open(sharded.path, client=shared_client)
+    o, d = (np.asarray(part[:600]).reshape(20, 30, 3) for part in rays())
+    six = np.concatenate([o, d], axis=-1)
+    for query in QUERIES:
+        for given in ((six,), (six.reshape(-1, 6).tolist(),), (o[0, 0], d), (o, d)):
+            found = getattr(far, query)(*given, **SMALL)
+            assert_same_answer(found, getattr(one, query)(*given, **SMALL))
+        files = getattr(far, query)(six, out=tmp_path / query, **SMALL)
+        assert_same_answer(files, getattr(one, query)(six, **SMALL))
+
+
 def test_ends_of_rays_count(scenes, shared_client):
     one, sharded = scenes["given"]
     far = bfrt.open(sharded.path, client=shared_client)
