@@ -18,6 +18,7 @@ from bfrt.errors import (
     StreamError,
 )
 from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.planned import Plan
 from bfrt.progress import Progress
 from bfrt.queries.question import Answer
@@ -31,6 +32,7 @@ from bfrt.scene import (
     occluded,
     plan,
     render,
+    turntable,
 )
 from bfrt.sharded import ShardedScene
 from bfrt.sharded import open_scene as open
@@ -49,6 +51,7 @@ __all__ = [
     "DiskFullError",
     "Hierarchy",
     "Image",
+    "Images",
     "Light",
     "Litter",
     "Material",
@@ -75,6 +78,7 @@ __all__ = [
     "plan",
     "render",
     "spd",
+    "turntable",
     "viewshed",
 ]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import update_wrapper
 from inspect import signature
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,8 +25,10 @@ from bfrt.cluster.engine import client_of, is_lazy
 from bfrt.cluster.place import Place
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
+from bfrt.framing import turntable as turntable_of
 from bfrt.grid.marks import verify_marks
 from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.ordering_planning import ordering_of
 from bfrt.planned import Plan
 from bfrt.planning import plan_of
@@ -37,7 +39,7 @@ from bfrt.queries.question import Answer, Question
 from bfrt.queries.rays import Given
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
-from bfrt.rendering import picture_of
+from bfrt.rendering import pictures_of
 from bfrt.session import Divide, Session
 from bfrt.settings import FINEST, TREE, Settings
 from bfrt.shards.store import open_any
@@ -46,7 +48,7 @@ from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store
 from bfrt.store.writer import StoreWriter
 from bfrt.tracing import tracer_of
-from bfrt.view import DEPTH, View
+from bfrt.view import DEPTH, Cameras, Views, asked_for
 
 PathLike = str | os.PathLike[str]
 
@@ -290,6 +292,30 @@ class Scene:
             self.store, eye=eye, at=at, up=up, angle=angle, resolution=resolution
         )
 
+    def turntable(self, count: int, camera: Camera | None = None) -> list[Camera]:
+        """Return views around the scene: a camera that is turned about the center of the bounds.
+
+        The axis has the camera's up direction; from above the camera goes round against the clock.
+
+        Parameters
+        ----------
+        count : int
+            Views of a whole turn, 1 or more.
+        camera : Camera, optional
+            The first of them. By default as of `render`.
+
+        Returns
+        -------
+        list of Camera
+
+        Raises
+        ------
+        SettingError
+            If `count` is no such number, or there is no camera, and no object to frame.
+        """
+        return turntable_of(self.store, count, camera)
+
+    @overload
     def render(
         self,
         *,
@@ -308,8 +334,47 @@ class Scene:
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
         client: Client = None,
-    ) -> Image:
-        """Render the scene.
+    ) -> Image: ...
+    @overload
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Sequence[Camera],
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+        client: Client = None,
+    ) -> Images: ...
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Cameras = None,
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+        client: Client = None,
+    ) -> Image | Images:
+        """Render the scene, from one view or from several at once.
 
         The picture is the same, bit for bit, for every memory budget and every number of threads.
 
@@ -320,9 +385,10 @@ class Scene:
             machine's memory, or of its cgroup's limit.
         threads : int, optional
             Number of threads. By default all cores that this process may use.
-        camera : Camera, optional
+        camera : Camera or sequence of Camera, optional
             The view. By default the scene's own, or if it has none one that frames it
-            (`framing_camera`).
+            (`framing_camera`). Several views, of one resolution, share all passes over the scene,
+            and each picture is the same as alone, bit for bit (`turntable` makes some).
         samples : int, optional
             Stratified samples a pixel. By default SPD's procedure: a ray at each pixel corner, four
             averaged.
@@ -370,8 +436,9 @@ class Scene:
 
         Returns
         -------
-        Image
-            R G B A, Z, N and object ids, and the `aovs`; `Image.stats` has the counters.
+        Image or Images
+            R G B A, Z, N and object ids, and the `aovs`; `Image.stats` has the counters. Where
+            `camera` is a sequence, a list of the picture of each.
 
         Raises
         ------
@@ -388,17 +455,17 @@ class Scene:
         DiskFullError, StreamError
             If the system refuses a read or a write.
         """
-        view = View.of(self.store, camera, samples, depth, aovs)
+        views = Views.of(self.store, camera, samples, depth, aovs)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         if client is not None and client is not False:
             asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return self._render_by(client, view, asked, progress, checkpoint)
+            return asked_for(self._render_by(client, views, asked, progress, checkpoint), camera)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         reported, inside = reporting(progress), self._inside(settings, "rendering")
         with reported as report, inside, keeping(checkpoint, every) as kept:
-            frame = view.frame
+            frame = views.frame
             if kept is not None:
-                work = identity_of_render(self.store, view, settings)
+                work = identity_of_render(self.store, views, settings)
                 found = kept.find(work, RENDER_FACTS)
                 frame = frame._replace(band=0 if found is None else found.facts["rows"])
             plan = self._session.divide(self.store, settings, frame)
@@ -408,16 +475,16 @@ class Scene:
                 self.store.folder.session(),
                 tracer_of(self.store, settings, plan, folder) as tracer,
             ):
-                return picture_of(tracer, view, report, kept)
+                return asked_for(pictures_of(tracer, views, report, kept), camera)
 
     def _render_by(
         self,
         client: Client,
-        view: View,
+        views: Views,
         asked: Asked,
         progress: bool | Report,
         checkpoint: PathLike | Checkpoint | None,
-    ) -> Image:
+    ) -> Images:
         """Render by the workers of a cluster."""
         if checkpoint is not None:
             raise SettingError(
@@ -426,14 +493,14 @@ class Scene:
             )
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
             heard = None if progress is False else report
-            return bands.render(client_of(client), self.store, view, asked, heard)
+            return bands.render(client_of(client), self.store, views, asked, heard)
 
     def plan(
         self,
         *,
         memory: str | int | None = None,
         threads: int | None = None,
-        camera: Camera | None = None,
+        camera: Cameras = None,
         resolution: tuple[int, int] | None = None,
         samples: int | None = None,
         depth: int = DEPTH,
@@ -466,11 +533,11 @@ class Scene:
         StoreError, BudgetError, SettingError
             As for `render`.
         """
-        view = View.of(self.store, camera, samples, depth, aovs).sized(resolution)
+        views = Views.of(self.store, camera, samples, depth, aovs).sized(resolution)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        held = self._session.divide(self.store, settings, view.frame)
-        return plan_of(self.store, view, settings, held, kept=checkpoint is not None)
+        held = self._session.divide(self.store, settings, views.frame)
+        return plan_of(self.store, views, settings, held, kept=checkpoint is not None)
 
     def cast_rays(
         self,
@@ -841,6 +908,7 @@ def of_scene(
 
 
 framing_camera = of_scene(Scene.framing_camera)
+turntable = of_scene(Scene.turntable)
 render = of_scene(Scene.render)
 plan = of_scene(Scene.plan)
 cast_rays = of_scene(Scene.cast_rays)

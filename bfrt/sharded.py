@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 from bfrt.cluster.asked import Asked
 from bfrt.errors import SettingError
+from bfrt.framing import turntable
 from bfrt.ids import kind_of
 from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
 from bfrt.queries.answers import Out
@@ -25,7 +27,7 @@ from bfrt.settings import FINEST
 from bfrt.shards.manifest import SUFFIX, Manifest
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light
-from bfrt.view import DEPTH, View
+from bfrt.view import DEPTH, Cameras, Views, asked_for
 from bfrt.wavefront.scene import ALL, ANY, COUNT, NEAREST, Wanted, Wavefront
 
 #: Rays, their ends, and where the answer goes.
@@ -110,6 +112,11 @@ class ShardedScene:
         """Return the shards, by their places in the file, that each worker answers for."""
         return {each.workers[0]: each.numbers for each in self._wavefront.carriers}
 
+    def turntable(self, count: int, camera: Camera | None = None) -> list[Camera]:
+        """Return views around the scene, as `Scene.turntable`."""
+        return turntable(self._wavefront.store, count, camera)
+
+    @overload
     def render(
         self,
         *,
@@ -126,7 +133,42 @@ class ShardedScene:
         scratch: PathLike | None = None,
         progress: bool | Report = False,
         checkpoint: PathLike | None = None,
-    ) -> Image:
+    ) -> Image: ...
+    @overload
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Sequence[Camera],
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | None = None,
+    ) -> Images: ...
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Cameras = None,
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | None = None,
+    ) -> Image | Images:
         """Render the scene where its shards are.
 
         Rays go to the workers whose shards' bounds they meet, and each hit is shaded by the worker
@@ -149,7 +191,7 @@ class ShardedScene:
 
         Returns
         -------
-        Image
+        Image or Images
             As `Scene.render`. ``stats.travel`` counts what went between client and workers, by
             depth; ``stats.workers`` has the counters of each worker.
 
@@ -163,10 +205,10 @@ class ShardedScene:
                 "checkpoint: found one for a scene on a cluster, expected None: where a worker "
                 "ends, others do its tasks again"
             )
-        view = View.of(self._wavefront.store, camera, samples, depth, aovs)
+        views = Views.of(self._wavefront.store, camera, samples, depth, aovs)
         asked = Asked(memory, threads, refine or FINEST, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
-            return self._wavefront.render(view, asked, refine, report)
+            return asked_for(self._wavefront.render(views, asked, refine, report), camera)
 
     def cast_rays(
         self,

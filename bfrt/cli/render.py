@@ -1,4 +1,4 @@
-"""The command ``bfrt render``: a picture of a store, or of what is converted for it."""
+"""The command ``bfrt render``: pictures of a store, or of what is converted for it."""
 
 from __future__ import annotations
 
@@ -21,10 +21,14 @@ from bfrt.cli.options import (
     command,
     tell_checkpoints,
 )
-from bfrt.cli.view import add_view, camera_of
+from bfrt.cli.view import add_view, cameras_of, is_of_several
 from bfrt.conversion.sources import is_store
 from bfrt.errors import SettingError
+from bfrt.image.animation import check_animation
+from bfrt.image.numbered import numbered
 from bfrt.image.picture import SUFFIXES, Image
+from bfrt.image.pictures import Images, Output, save_outputs
+from bfrt.image.sheet import check_sheet
 from bfrt.paths import check_apart, check_file
 from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
@@ -42,7 +46,15 @@ def add_render(commands: Any) -> None:
     )
     made.add_argument(
         "-o", "--output", action="append", default=[], metavar="FILE",
-        help="picture to write: .exr, .png or .npy; may be repeated",
+        help="picture to write: .exr, .png or .npy; may be repeated; of several views with a "
+        "place for the number, as view-{:03d}.png",
+    )  # fmt: skip
+    made.add_argument(
+        "--contact-sheet", action=Once, metavar="FILE", help="write all views side by side: .png"
+    )
+    made.add_argument(
+        "--animation", action=Once, metavar="FILE",
+        help="write all views one after another: .png, or .gif (needs Pillow)",
     )  # fmt: skip
     made.add_argument(
         "--memory", help="budget of the whole process, as 256MiB or 1GB (default: a quarter)"
@@ -91,29 +103,58 @@ def run_render(options: argparse.Namespace) -> None:
     if options.plan:
         print(plan_asked(options))
         return
-    if not options.output:
+    if not written(options):
         raise SettingError("render: nothing to write: expected -o FILE, or --plan")
     with kept(options) as checkpoint:
         with opened(options) as scene:
             settings = settings_of(options, scene)
-            image = scene.render(
+            made = scene.render(
                 progress=wants_bar(options.quiet), checkpoint=checkpoint, **settings
             )
-        write_outputs(options, image)
+        write_outputs(options, made)
         if checkpoint is not None:  # not before all is written
             checkpoint.remove()
 
 
-def write_outputs(options: argparse.Namespace, image: Image) -> None:
-    """Write the picture and the counters to the files asked for."""
-    for output in options.output:
-        image.save(output, half=options.half and output.lower().endswith(".exr"))
-    assert image.stats is not None
+def written(options: argparse.Namespace) -> list[str]:
+    """Return the pictures that are asked for, of several views those of the first."""
+    if not is_of_several(options):
+        for flag in ("contact_sheet", "animation"):
+            if getattr(options, flag) is not None:
+                name = flag.replace("_", "-")
+                raise SettingError(f"--{name}: found one view, expected --turntable or --views")
+        return list(options.output)
+    whole = [options.contact_sheet, options.animation]
+    first = [numbered(output, 1)[0] for output in options.output]
+    return [*first, *(file for file in whole if file is not None)]
+
+
+def write_outputs(options: argparse.Namespace, made: Image | Images) -> None:
+    """Write the pictures and the counters to the files asked for."""
+    if isinstance(made, Images):
+        save_outputs(outputs_of(options, made))
+    else:
+        for output in options.output:
+            made.save(output, half=options.half and output.lower().endswith(".exr"))
+    assert made.stats is not None
     if options.stats is not None:
         with atomic_path(options.stats) as path, calling(options.stats, "writing"):
-            path.write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
+            path.write_text(json.dumps(made.stats.as_dict(), indent=1) + "\n")
     if options.table:
-        print(image.stats.table())
+        print(made.stats.table())
+
+
+def outputs_of(options: argparse.Namespace, images: Images) -> list[Output]:
+    """Return the files that the pictures of several views become, which are all written or none."""
+    outputs = []
+    for pattern in options.output:
+        half = options.half and pattern.lower().endswith(".exr")
+        outputs += images.outputs(pattern, half=half)
+    if options.contact_sheet is not None:
+        outputs.append(images.sheet(options.contact_sheet))
+    if options.animation is not None:
+        outputs.append(images.animation(options.animation))
+    return outputs
 
 
 @contextmanager
@@ -132,13 +173,17 @@ def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
     """Refuse before the work what could not be written after it: a suffix, channels that no output
     would keep, a file in a folder that is not there.
     """
-    outputs: list[str] = options.output
+    outputs: list[str] = written(options)
     stats = [] if options.stats is None else [options.stats]
-    for output in outputs:
+    for output in options.output:
         if Path(output).suffix.lower() not in SUFFIXES:
             raise SettingError(
                 f"{output}: found suffix {Path(output).suffix!r}, expected {', '.join(SUFFIXES)}"
             )
+    if options.contact_sheet is not None:
+        check_sheet(options.contact_sheet)
+    if options.animation is not None:
+        check_animation(options.animation)
     if aovs and not any(output.lower().endswith(".exr") for output in outputs):
         raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
     for file in (*outputs, *stats):
@@ -163,7 +208,7 @@ def settings_of(options: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     return {
         "memory": options.memory,
         "threads": options.threads,
-        "camera": camera_of(options, scene.store),
+        "camera": cameras_of(options, scene.store),
         "samples": options.samples,
         "depth": options.depth,
         "aovs": options.aov,
@@ -188,7 +233,7 @@ def opened(options: argparse.Namespace) -> Iterator[Scene]:
                 )
         yield open_scene(options.input)
         return
-    folder = scratch_folder(options.scratch, Path(options.output[0]))
+    folder = scratch_folder(options.scratch, Path(written(options)[0]))
     name = Path(options.input.replace(":", "-")).stem or "scene"
     with temporary_folder(folder, name) as temporary:
         yield convert_input(options, temporary / f"{name}.bfrt", Wanted(durable=False))

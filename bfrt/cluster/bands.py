@@ -17,15 +17,15 @@ from bfrt.image.film import Film
 from bfrt.image.film_bands import Planes, add_band
 from bfrt.image.frame import FRAME_PART, FrameSize
 from bfrt.image.image_buffer import ImageBuffer
-from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.memory import default_memory
 from bfrt.phases.eye import count_eye_rays
 from bfrt.progress import Report
-from bfrt.rendering import band_of, describe, tell_of_bad_rays
+from bfrt.rendering import band_of, images_of, tell_of_bad_rays
 from bfrt.settings import scratch_folder
 from bfrt.stats import Stats
 from bfrt.store.store import Store
-from bfrt.view import View
+from bfrt.view import Views
 
 #: The film of a band, and the counters of its worker.
 Band = tuple[Planes, Part]
@@ -49,7 +49,7 @@ class Rendering:
     Attributes
     ----------
     work : Work
-    view : View
+    views : Views
     rows : int
         Of each band.
     topic : str, optional
@@ -57,27 +57,27 @@ class Rendering:
     """
 
     work: Work
-    view: View
+    views: Views
     rows: int
     topic: str | None
 
     def __call__(self, number: int) -> Band:
-        frame = self.view.frame._replace(band=self.rows)
+        frame = self.views.frame._replace(band=self.rows)
         report = TaskReport(self.topic, number)
         with self.work.begun() as (session, settings):
             with session.tracer(settings, frame) as tracer:
-                planes, stats = band_of(tracer, self.view, number * self.rows, report)
+                planes, stats = band_of(tracer, self.views, number * self.rows, report)
             return planes, (this_worker().name, stats)
 
 
-def render(client: Any, store: Store, view: View, asked: Asked, report: Report | None) -> Image:
-    """Render a view on the workers of a cluster, as `bfrt.render` does here.
+def render(client: Any, store: Store, views: Views, asked: Asked, report: Report | None) -> Images:
+    """Render views on the workers of a cluster, as `bfrt.render` does here.
 
     Parameters
     ----------
     client : distributed.Client
     store : Store
-    view : View
+    views : Views
     asked : Asked
     report : Report, optional
         Gets the sum over all bands.
@@ -88,15 +88,15 @@ def render(client: Any, store: Store, view: View, asked: Asked, report: Report |
         As `bfrt.render`; those of a store or a budget name the worker.
     """
     start = time.perf_counter()
-    work, frame = Work(Place.of(store), asked), view.frame
-    width, height = view.camera.resolution
-    with Watch(client, count_eye_rays(width, height, view.samples), report) as watch:
+    work, frame = Work(Place.of(store), asked), views.frame
+    width, height = frame.width, frame.height
+    with Watch(client, count_eye_rays(frame), report) as watch:
         workers = max(1, len(client.nthreads()))
         (preparing,) = watch.begin(Preparing(work, frame), [workers], "prepare")
         prepared: Prepared = watch.result(preparing)
-        task = Rendering(work.with_budget(prepared), view, prepared.rows, watch.topic)
-        film = Film(width, height, view.samples, prepared.rows, view.aovs)
-        image = ImageBuffer(width, height, scratch_of(store, view))
+        task = Rendering(work.with_budget(prepared), views, prepared.rows, watch.topic)
+        film = Film(width, height, views.samples, prepared.rows, views.aovs, frame.views)
+        image = ImageBuffer(width, height, scratch_of(store, views), frame.views)
         parts = [prepared.part]
         numbers = range(-(-height // prepared.rows))
         for number, future in enumerate(watch.begin(task, numbers, "band")):
@@ -108,12 +108,12 @@ def render(client: Any, store: Store, view: View, asked: Asked, report: Report |
     stats.settings = dict(part[1].settings)
     stats.total.seconds = time.perf_counter() - start
     tell_of_bad_rays(stats)
-    return Image(image.channels(), describe(store, view), stats)
+    return images_of(image, store, views, stats)
 
 
-def scratch_of(store: Store, view: View) -> Any:
-    """Return the client's folder for a picture that its memory has no room for; else None."""
-    if view.frame.whole_bytes <= FRAME_PART * default_memory():
+def scratch_of(store: Store, views: Views) -> Any:
+    """Return the client's folder for pictures that its memory has no room for; else None."""
+    if views.frame.whole_bytes <= FRAME_PART * default_memory():
         return None
     return scratch_folder(None, store.path)
 

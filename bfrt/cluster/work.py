@@ -103,7 +103,7 @@ def rows_of_bands(frame: FrameSize, most: int, rays: int, workers: int) -> int:
     rays : int
         Rays that fit in memory at once.
     """
-    times = math.ceil(count_eye_rays(frame.width, frame.height, frame.samples) / rays)
+    times = math.ceil(count_eye_rays(frame) / rays)
     fewest = FEWEST_BANDS * workers if workers > 1 else 1
     bands = max(fewest, min(MOST_BANDS * workers, times))
     return max(1, min(most, -(-frame.height // bands)))

@@ -124,20 +124,13 @@ class Image:
         DiskFullError, StreamError
             If the system refuses a write; nothing half-written is left.
         """
-        file = path_of("image", path)
-        suffix = file.suffix.lower()
-        if suffix not in SUFFIXES:
-            raise SettingError(
-                f"{path}: found suffix {suffix!r}, expected one of {', '.join(SUFFIXES)}"
-            )
-        if half and suffix != ".exr":
-            raise SettingError(f"{path}: found half=True for {suffix}, expected it only for .exr")
+        file, suffix = path_of("image", path), check_suffix(path, half=half)
         check_outside(str(file), without_links(file).parent)
         with in_memory(f"{path}: saving"):
             if suffix == ".exr":
-                write_exr(path, self.width, self.height, self._bands(), self.metadata, half=half)
+                write_exr(path, self.width, self.height, self.bands(), self.metadata, half=half)
             elif suffix == ".png":
-                write_png(path, self.width, self.height, self._bands())
+                write_png(path, self.width, self.height, self.bands())
             else:
                 self._write_npy(path)
 
@@ -145,26 +138,52 @@ class Image:
         layout = {"descr": "<f4", "fortran_order": False, "shape": (*self.shape, 4)}
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, layout)
-        stacked = (np.stack([band[name] for name in "RGBA"], axis=-1) for band in self._bands())
+        stacked = (np.stack([band[name] for name in "RGBA"], axis=-1) for band in self.bands())
         rows = (pixels.astype("<f4", copy=False).tobytes() for pixels in stacked)
         write_parts(path, itertools.chain([header.getvalue()], rows))
 
-    def _bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
+    def bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
         """Yield the channels by bands of rows, so that saving takes a copy of a band only."""
         step = max(1, BAND_BYTES // (4 * self.width * len(self.channels)))
         for row in range(0, self.height, step):
-            for pixels in self.channels.values():
-                expect(pixels, slice(row, row + step))
-            yield {name: pixels[row : row + step] for name, pixels in self.channels.items()}
-            for pixels in self.channels.values():
-                forget(pixels)
+            yield self.band(row, row + step)
+            self.let_go()
+
+    def band(self, first: int, last: int) -> dict[str, npt.NDArray[Any]]:
+        """Return rows [first, last) of the channels, which the system reads at once."""
+        for pixels in self.channels.values():
+            expect(pixels, slice(first, last))
+        return {name: pixels[first:last] for name, pixels in self.channels.items()}
+
+    def let_go(self) -> None:
+        """Release the memory of what was read of channels on disk."""
+        for pixels in self.channels.values():
+            forget(pixels)
 
     def _repr_png_(self) -> bytes:
-        return b"".join(encode_png(self.width, self.height, self._bands()))
+        return b"".join(encode_png(self.width, self.height, self.bands()))
 
     def __repr__(self) -> str:
         metadata = "".join(f", {key}={text!r}" for key, text in self.metadata.items())
         return f"<bfrt.Image {self.width} x {self.height}, {' '.join(self.channels)}{metadata}>"
+
+
+def check_suffix(path: str | os.PathLike[str], *, half: bool = False) -> str:
+    """Return the suffix of a picture's file, in small letters.
+
+    Raises
+    ------
+    SettingError
+        If it is none of `SUFFIXES`, or not ``.exr`` where `half` is asked for.
+    """
+    suffix = path_of("image", path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise SettingError(
+            f"{path}: found suffix {suffix!r}, expected one of {', '.join(SUFFIXES)}"
+        )
+    if half and suffix != ".exr":
+        raise SettingError(f"{path}: found half=True for {suffix}, expected it only for .exr")
+    return suffix
 
 
 def _check_channels(channels: Mapping[str, npt.NDArray[Any]]) -> None:

@@ -2,7 +2,7 @@
 
 cimport cython
 from libc.math cimport fabs, sqrt
-from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
+from libc.stdint cimport int32_t, int64_t, uint16_t, uint32_t, uint64_t
 
 from bfrt.geometry.box cimport Box
 from bfrt.geometry.power cimport power
@@ -87,8 +87,8 @@ cdef class Shader:
     ----------
     palette : (materials,) records.MATERIAL
     lighting : bfrt.phases.lighting.Lighting
-    eye : (3,) float64
-        Where Z is measured from, relative to the store's origin.
+    viewpoints : bfrt.phases.viewpoints.Viewpoints
+        Where Z is measured from, and the view of each element of the film.
     origin : (3,) float64
         The store's, in world coordinates: those of P.
     film : Film
@@ -97,9 +97,11 @@ cdef class Shader:
     """
 
     cdef const Material[::1] palette
-    cdef const double[:, ::1] lights
+    cdef const double[:, :, ::1] lights
     cdef double ambient
-    cdef Vec eye
+    cdef const double[:, ::1] eyes
+    cdef const int32_t[::1] numbers
+    cdef int64_t across
     cdef Vec origin
     cdef Film film
     cdef Queued[::1] out
@@ -111,12 +113,13 @@ cdef class Shader:
     cdef readonly int64_t refraction
     cdef readonly int64_t shadow
 
-    def __cinit__(self, const Material[::1] palette, lighting, eye, origin, Film film,
+    def __cinit__(self, const Material[::1] palette, lighting, viewpoints, origin, Film film,
                   int64_t room):
         self.palette = palette
         self.lights = lighting.lights
         self.ambient = lighting.ambient
-        self.eye = vec(eye[0], eye[1], eye[2])
+        self.eyes = viewpoints.eyes
+        self.numbers, self.across = viewpoints.numbers, viewpoints.across
         self.origin = vec(origin[0], origin[1], origin[2])
         self.film = film
         self.out = self.rays = np.empty(room, QUEUED)
@@ -198,7 +201,7 @@ cdef class Shader:
     cdef int64_t shade_object(self, const Shaded* shaded, const Hit* hits,
                               int64_t n) except -1 nogil:
         """Shade the first of `hits`, all hits of one object; return how many."""
-        cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[0] - 2
+        cdef int64_t at = 0, room = self.out.shape[0] - self.lights.shape[1] - 2
         while at < n and hits[at].id == hits[0].id:
             if self.waiting > room:
                 with gil:
@@ -219,7 +222,7 @@ cdef class Shader:
         cdef Interaction i
         cdef Surface* s = &i.surface
         cdef Vec own
-        cdef int64_t k
+        cdef int64_t k, view = 0 if self.lights.shape[0] == 1 else self.view_of(h.pixel)
         i.hit, i.id, i.material = h, shaded.id, m
         i.d = unit(l.d)
         shape_surface(&shaded.shape, &l, h.t, s)
@@ -238,10 +241,18 @@ cdef class Shader:
             h.kind == EYE,
         )
         i.offset = scale(s.geometric, hit_error(&l, h.t, s.place, &shaded.box))
-        for k in range(self.lights.shape[0]):
-            self.light(&i, &self.lights[k, 0])
+        for k in range(self.lights.shape[1]):
+            self.light(&i, &self.lights[view, k, 0])
         if not self.last and (m.ks > 0.0 or m.transmittance > 0.0):
             self.go_on(&i)
+
+    cdef int64_t view_of(self, uint32_t element) noexcept nogil:
+        """Return the view that an element of the film is of."""
+        if self.eyes.shape[0] == 1:
+            return 0
+        if self.numbers.shape[0]:
+            return self.numbers[element]
+        return element // self.across % self.eyes.shape[0]
 
     cdef void see(self, const Interaction* i, Vec n) noexcept nogil:
         """Store depth, normal n, id and channels on request, if the hit is of sample 0."""
@@ -250,9 +261,11 @@ cdef class Shader:
         cdef Vec p = i.surface.place
         cdef int64_t element = h.pixel - self.film.first
         cdef float* seen = &self.film.depth_normal[element, 0]
+        cdef const double* eye
         if h.sample:
             return
-        seen[0] = <float>length(sub(p, self.eye))
+        eye = &self.eyes[self.view_of(h.pixel), 0]
+        seen[0] = <float>length(sub(p, vec(eye[0], eye[1], eye[2])))
         put(seen + 1, n)
         self.film.ids[element] = i.id
         if self.film.positions.shape[0]:

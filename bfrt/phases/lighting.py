@@ -17,8 +17,9 @@ class Lighting(NamedTuple):
 
     Attributes
     ----------
-    lights : ndarray of float64, shape (lights, 6)
-        Position relative to the store's origin, and color times intensity.
+    lights : ndarray of float64, shape (views, lights, 6)
+        Position relative to the store's origin, and color times intensity: of each view, or of one
+        where all have the same.
     ambient : float
         Intensity of the ambient light.
     """
@@ -32,11 +33,12 @@ def light_intensity(lights: int) -> float:
     return math.sqrt(lights) / (2 * lights)
 
 
-def lighting_of(lights: Sequence[Light], origin: Vector) -> Lighting:
-    """Return lights, of which the positions are in world coordinates, relative to an origin."""
-    intensity = light_intensity(len(lights))
+def lighting_of(lights: Sequence[Sequence[Light]], origin: Vector) -> Lighting:
+    """Return lights of views, whose positions are in world coordinates, relative to an origin."""
+    intensity = light_intensity(len(lights[0]))
     rows = [
         (*(np.array(light.position) - np.array(origin)), *(intensity * np.array(light.color)))
-        for light in lights
+        for own in lights
+        for light in own
     ]
-    return Lighting(np.array(rows).reshape(-1, 6), intensity)
+    return Lighting(np.array(rows).reshape(len(lights), -1, 6), intensity)

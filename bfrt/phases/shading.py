@@ -6,7 +6,7 @@ sweep over the objects meets them in order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,12 @@ from bfrt.phases._shading import Shader
 from bfrt.phases.hit_order import HitLoads, hits_of, picked
 from bfrt.phases.lighting import lighting_of
 from bfrt.phases.traversal import Sink
+from bfrt.phases.viewpoints import Viewpoints
 from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED_BYTES
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
 from bfrt.scan.sources import AllRecords, Chunk
 from bfrt.stats import Counters
-from bfrt.store.model import Light
 from bfrt.store.store import Store
 from bfrt.store.stream import Stream
 from bfrt.streams.spool import Spool
@@ -43,10 +43,8 @@ class Shading:
 
     Parameters
     ----------
-    lights : sequence of Light
-        In world coordinates.
-    eye : (3,) float64
-        Relative to the store's origin.
+    viewpoints : Viewpoints
+        Of the film's elements.
     hits : int
         The most hits that are shaded at once.
     workers : Workers
@@ -55,18 +53,18 @@ class Shading:
     def __init__(
         self,
         store: Store,
-        lights: Sequence[Light],
+        viewpoints: Viewpoints,
         film: Film,
-        eye: NDArray[np.float64],
         hits: int,
         workers: Workers,
     ) -> None:
         self._capacity = hits
         self._workers = workers
-        room, palette = emit_room(len(lights)), store.materials()
-        lighting = lighting_of(lights, store.origin)
+        room, palette = emit_room(len(viewpoints.lights[0])), store.materials()
+        lighting = lighting_of(viewpoints.lights, store.origin)
         self._shaders = [
-            Shader(palette, lighting, eye, store.origin, film, room) for _ in range(workers.threads)
+            Shader(palette, lighting, viewpoints, store.origin, film, room)
+            for _ in range(workers.threads)
         ]
 
     @staticmethod

@@ -117,7 +117,7 @@ class FarShading:
         order = np.lexsort((load["id"], owners))
         ends = np.searchsorted(owners[order], np.arange(len(self._tasks) + 1))
         return [
-            deque(_cut(order[ends[c] : ends[c + 1]], hits_at_once(len(task.lights))))
+            deque(_cut(order[ends[c] : ends[c + 1]], hits_at_once(len(task.viewpoints.lights[0]))))
             for c, task in enumerate(self._tasks)
         ]
 

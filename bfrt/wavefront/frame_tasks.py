@@ -15,11 +15,11 @@ from bfrt.cluster.reports import TaskReport
 from bfrt.cluster.worker import this_worker
 from bfrt.image.film_parts import film_of, part_of
 from bfrt.phases.shading import Shading
+from bfrt.phases.viewpoints import Viewpoints
 from bfrt.progress import Progress
 from bfrt.records import HIT, QUERY_RAY, QUEUED, RayKind
 from bfrt.rendering import stats_of
 from bfrt.stats import Counters, Stats, peak_rss
-from bfrt.store.model import Light, Vector
 from bfrt.tracer import Tracer
 from bfrt.wavefront.cargo import Cargo
 from bfrt.wavefront.site import Site
@@ -121,18 +121,16 @@ class HitShading:
     Attributes
     ----------
     site : Site
-    lights : tuple of Light
-    eye : tuple of 3 float
-        Relative to the scene's origin.
+    viewpoints : Viewpoints
+        Of the whole film.
     aovs : tuple of str
-        As in `View`.
+        As in `Views`.
     last : bool
         Whether the maximum depth is reached.
     """
 
     site: Site
-    lights: tuple[Light, ...]
-    eye: Vector
+    viewpoints: Viewpoints
     aovs: tuple[str, ...]
     last: bool
 
@@ -145,8 +143,8 @@ class HitShading:
         film = film_of(len(elements), self.aovs)
         following = Following(elements)
         with self.site.tracer() as tracer:
-            eye, room = np.array(self.eye), max(1, tracer.capacities.hits)
-            shading = Shading(tracer.store, self.lights, film, eye, room, tracer.workers)
+            room, some = max(1, tracer.capacities.hits), self.viewpoints.of_some(elements)
+            shading = Shading(tracer.store, some, film, room, tracer.workers)
             stats = stats_of(tracer)
             with counted(tracer, stats) as counters:
                 self._shade(shading, Passing(tracer, hits, counters, TaskReport()), following)
