@@ -63,6 +63,7 @@ def test_there_are_examples():
         "sight",
         "smooth",
         "snapshot",
+        "turntable",
         "viewshed",
     ]
 

@@ -21,6 +21,9 @@ EXR_COPIES = 3
 FRAME_PART = 0.5
 BAND_PART = 0.15
 
+#: The part of a band of several views: many rows of few views would see as much of the scene.
+VIEWS_PART = 0.3
+
 
 class FrameSize(NamedTuple):
     """Holds a frame's size: pixels, samples of each, channels on request, and views.
@@ -110,7 +113,10 @@ def held_frame(frame: FrameSize, room: int, fewest: int) -> HeldFrame:
         return HeldFrame(frame.band, frame.band_bytes(frame.band), on_disk=True)
     first = frame.band_bytes(1)
     row = frame.band_bytes(2) - first
-    fits = int((room * BAND_PART - first) / row) + 1
+    part = BAND_PART if frame.views == 1 else VIEWS_PART
+    fits = int((room * part - first) / row) + 1
     rows = min(frame.height, max(fits, -(-fewest // (frame.views * frame.width))))
+    if frame.views > 1:  # bands alike: what the last one would leave free is for rays
+        rows = -(-frame.height // -(-frame.height // rows))
     taken = max(frame.band_bytes(rows), frame.written_bytes)
     return HeldFrame(rows, taken, on_disk=True)
