@@ -4,10 +4,10 @@
 
     python bench/views.py --size 135 --views 36 --json views.json
 
-makes rings as a store, and its marks; then renders the views of a turn by one call, and each of some of
-them by a call of its own, inside a cgroup of `--memory` and with the store dropped from the page cache
-before each. A part of the views is enough (`--alone`): what all would take is their mean times the
-number. The pictures have to be the same. Needs root, for the cgroup.
+makes rings as a store, and its marks; then renders the views of a turn by one call, and some of
+them by a call of their own each, inside a cgroup of `--memory` and with the store dropped from the
+page cache before each. A part of the views is enough (`--alone`): what all would take is their mean
+times the number. The pictures have to be the same. Needs root, for the cgroup.
 """
 
 from __future__ import annotations
