@@ -27,6 +27,7 @@ from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.framing import turntable as turntable_of
 from bfrt.grid.marks import verify_marks
+from bfrt.image.color_scale import ColorScale
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
 from bfrt.ordering_planning import ordering_of
@@ -158,6 +159,11 @@ class Scene:
     def crs(self) -> str:
         """Return the reference system of coordinates, "EPSG:32632" or WKT; empty for none."""
         return self.store.crs
+
+    @property
+    def colors(self) -> tuple[ColorScale, ...]:
+        """Return what colors say that a map has made of numbers: its name, its range."""
+        return self.store.colors
 
     @property
     def lights(self) -> list[Light]:

@@ -25,6 +25,8 @@ from bfrt.cli.view import add_view, cameras_of, is_of_several
 from bfrt.conversion.sources import is_store
 from bfrt.errors import SettingError
 from bfrt.image.animation import check_animation
+from bfrt.image.color_bar import check_bar
+from bfrt.image.color_scale import ColorScale
 from bfrt.image.numbered import numbered
 from bfrt.image.picture import SUFFIXES, Image
 from bfrt.image.pictures import Images, Output, save_outputs
@@ -81,6 +83,10 @@ def add_render(commands: Any) -> None:
         "would take; nothing is written",
     )  # fmt: skip
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
+    made.add_argument(
+        "--color-bar", action="store_true",
+        help="beside a PNG, the numbers that colors stand for (needs matplotlib)",
+    )  # fmt: skip
     made.add_argument("--stats", action=Once, metavar="FILE", help="write counters as JSON")
     made.add_argument("--table", action="store_true", help="print counters as a table")
     add_checkpoint(made, EVERY)
@@ -107,11 +113,12 @@ def run_render(options: argparse.Namespace) -> None:
         raise SettingError("render: nothing to write: expected -o FILE, or --plan")
     with kept(options) as checkpoint:
         with opened(options) as scene:
+            bar = scale_of(options, scene)
             settings = settings_of(options, scene)
             made = scene.render(
                 progress=wants_bar(options.quiet), checkpoint=checkpoint, **settings
             )
-        write_outputs(options, made)
+        write_outputs(options, made, bar)
         if checkpoint is not None:  # not before all is written
             checkpoint.remove()
 
@@ -129,13 +136,27 @@ def written(options: argparse.Namespace) -> list[str]:
     return [*first, *(file for file in whole if file is not None)]
 
 
-def write_outputs(options: argparse.Namespace, made: Image | Images) -> None:
+def scale_of(options: argparse.Namespace, scene: Scene) -> ColorScale | None:
+    """Return what a scene's colors say, where a bar is asked for that tells it."""
+    if not options.color_bar:
+        return None
+    if len(scene.colors) != 1:
+        raise SettingError(
+            f"--color-bar: found {len(scene.colors)} ranges of numbers that {options.input} is "
+            "colored by, expected one, as convert --color-by makes it"
+        )
+    return scene.colors[0]
+
+
+def write_outputs(
+    options: argparse.Namespace, made: Image | Images, bar: ColorScale | None
+) -> None:
     """Write the pictures and the counters to the files asked for."""
     if isinstance(made, Images):
-        save_outputs(outputs_of(options, made))
+        save_outputs(outputs_of(options, made, bar))
     else:
         for output in options.output:
-            made.save(output, half=options.half and output.lower().endswith(".exr"))
+            made.save(output, **kept_in(options, output, bar))
     assert made.stats is not None
     if options.stats is not None:
         with atomic_path(options.stats) as path, calling(options.stats, "writing"):
@@ -144,12 +165,20 @@ def write_outputs(options: argparse.Namespace, made: Image | Images) -> None:
         print(made.stats.table())
 
 
-def outputs_of(options: argparse.Namespace, images: Images) -> list[Output]:
+def kept_in(options: argparse.Namespace, output: str, bar: ColorScale | None) -> dict[str, Any]:
+    """Return what a picture of this suffix is saved with, as keywords."""
+    suffix = Path(output).suffix.lower()
+    return {
+        "half": options.half and suffix == ".exr",
+        "color_bar": bar if suffix == ".png" else None,
+    }
+
+
+def outputs_of(options: argparse.Namespace, images: Images, bar: ColorScale | None) -> list[Output]:
     """Return the files that the pictures of several views become, which are all written or none."""
     outputs = []
     for pattern in options.output:
-        half = options.half and pattern.lower().endswith(".exr")
-        outputs += images.outputs(pattern, half=half)
+        outputs += images.outputs(pattern, **kept_in(options, pattern, bar))
     if options.contact_sheet is not None:
         outputs.append(images.sheet(options.contact_sheet))
     if options.animation is not None:
@@ -184,6 +213,11 @@ def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
         check_sheet(options.contact_sheet)
     if options.animation is not None:
         check_animation(options.animation)
+    if options.color_bar:
+        named = [output for output in options.output if output.lower().endswith(".png")]
+        if not named:
+            raise SettingError("--color-bar: found no -o FILE.png, expected one for it")
+        check_bar(named[0])
     if aovs and not any(output.lower().endswith(".exr") for output in outputs):
         raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
     for file in (*outputs, *stats):

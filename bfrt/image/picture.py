@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import SettingError
+from bfrt.image.color_bar import bar_of, beside, check_bar
+from bfrt.image.color_scale import ColorScale
 from bfrt.image.exr import write_exr
 from bfrt.image.image_buffer import expect, forget
 from bfrt.image.png import encode_png, write_png
@@ -105,7 +107,13 @@ class Image:
             raise ValueError("image: an array of it is always a copy, found copy=False")
         return self.rgba.astype(np.float32 if dtype is None else dtype, copy=False)
 
-    def save(self, path: str | os.PathLike[str], *, half: bool = False) -> None:
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        half: bool = False,
+        color_bar: ColorScale | None = None,
+    ) -> None:
         """Write the picture to a file, whole or not at all.
 
         Parameters
@@ -115,17 +123,24 @@ class Image:
             ``.png`` is clipped 8-bit sRGB without alpha, ``.npy`` is `rgba`.
         half : bool
             Store color and alpha in 16 bits, clamped to +-65504; only for ``.exr``.
+        color_bar : ColorScale, optional
+            Put a bar at the right that tells which numbers colors stand for, as `Scene.colors` has
+            them; only for ``.png``. It needs matplotlib (``bfrt[colormaps]``).
 
         Raises
         ------
         SettingError
-            If the suffix is another, `half` is given for another format than ``.exr``, or the
-            file would be in a scene store.
+            If the suffix is another, `half` is given for another format than ``.exr`` or
+            `color_bar` than ``.png``, matplotlib is needed and missing, or the file would be in a
+            scene store.
         DiskFullError, StreamError
             If the system refuses a write; nothing half-written is left.
         """
         file, suffix = path_of("image", path), check_suffix(path, half=half)
         check_outside(str(file), without_links(file).parent)
+        if color_bar is not None:
+            self._save_with_bar(path, suffix, color_bar)
+            return
         with in_memory(f"{path}: saving"):
             if suffix == ".exr":
                 write_exr(path, self.width, self.height, self.bands(), self.metadata, half=half)
@@ -133,6 +148,17 @@ class Image:
                 write_png(path, self.width, self.height, self.bands())
             else:
                 self._write_npy(path)
+
+    def _save_with_bar(
+        self, path: str | os.PathLike[str], suffix: str, color_bar: ColorScale
+    ) -> None:
+        if suffix != ".png":
+            raise SettingError(f"{path}: found color_bar for {suffix}, expected it only for .png")
+        check_bar(path)
+        with in_memory(f"{path}: saving"):
+            bar = bar_of(color_bar, self.height)
+            width = self.width + bar.shape[1]
+            write_png(path, width, self.height, beside(self.bands(), bar))
 
     def _write_npy(self, path: str | os.PathLike[str]) -> None:
         layout = {"descr": "<f4", "fortran_order": False, "shape": (*self.shape, 4)}

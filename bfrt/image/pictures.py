@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from bfrt.errors import SettingError, StreamError
 from bfrt.image.animation import check_animation, write_animation
+from bfrt.image.color_scale import ColorScale
 from bfrt.image.numbered import numbered
 from bfrt.image.picture import Image, check_suffix
 from bfrt.image.sheet import check_sheet, write_sheet
@@ -46,7 +47,9 @@ class Images(list[Image]):
         """Return the counters of the render, of all views together."""
         return self[0].stats if self else None
 
-    def save(self, pattern: PathLike, *, half: bool = False) -> None:
+    def save(
+        self, pattern: PathLike, *, half: bool = False, color_bar: ColorScale | None = None
+    ) -> None:
         """Write a file for each picture, all or none.
 
         Parameters
@@ -54,7 +57,7 @@ class Images(list[Image]):
         pattern : path-like
             The files, with a place for the view's number, which begins at 0:
             ``view-{:03d}.png`` or ``view-%03d.png``. The suffix is as of `Image.save`.
-        half : bool
+        half, color_bar
             As of `Image.save`.
 
         Raises
@@ -64,7 +67,7 @@ class Images(list[Image]):
         DiskFullError, StreamError
             If the system refuses a write; nothing half-written is left.
         """
-        save_outputs(self.outputs(pattern, half=half))
+        save_outputs(self.outputs(pattern, half=half, color_bar=color_bar))
 
     def save_sheet(self, path: PathLike, columns: int | None = None) -> None:
         """Write a contact sheet: all pictures side by side in one PNG.
@@ -100,12 +103,14 @@ class Images(list[Image]):
         """
         save_outputs([self.animation(path, seconds)])
 
-    def outputs(self, pattern: PathLike, *, half: bool = False) -> list[Output]:
+    def outputs(
+        self, pattern: PathLike, *, half: bool = False, color_bar: ColorScale | None = None
+    ) -> list[Output]:
         """Return the files that `save` writes."""
         self._check()
         check_suffix(pattern, half=half)
         return [
-            Output(path, partial(image.save, half=half))
+            Output(path, partial(image.save, half=half, color_bar=color_bar))
             for path, image in zip(numbered(pattern, len(self)), self, strict=True)
         ]
 
