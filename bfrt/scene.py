@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import update_wrapper
 from inspect import signature
 from pathlib import Path
@@ -30,6 +30,7 @@ from bfrt.grid.marks import verify_marks
 from bfrt.image.color_scale import ColorScale
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
+from bfrt.notebook import html_of
 from bfrt.ordering_planning import ordering_of
 from bfrt.planned import Plan
 from bfrt.planning import plan_of
@@ -42,7 +43,7 @@ from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import pictures_of
 from bfrt.session import Divide, Session
-from bfrt.settings import FINEST, TREE, Settings
+from bfrt.settings import FINEST, TREE, Settings, at_least_one
 from bfrt.shards.store import open_any
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
@@ -52,6 +53,9 @@ from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, Cameras, Views, asked_for
 
 PathLike = str | os.PathLike[str]
+
+#: Pixels of a side of a picture.
+MOST_PIXELS = 65535
 
 #: A ``dask.distributed.Client``, True for the current one, or None for none.
 Client = Any
@@ -115,6 +119,9 @@ class Scene:
 
     def __repr__(self) -> str:
         return f"<Scene {str(self.path)!r}: {self.objects:,} objects>"
+
+    def _repr_html_(self) -> str:
+        return html_of(self.store)
 
     @property
     def path(self) -> Path:
@@ -297,6 +304,31 @@ class Scene:
         return framing_camera_of(
             self.store, eye=eye, at=at, up=up, angle=angle, resolution=resolution
         )
+
+    def preview(self, pixels: int = 256, camera: Camera | None = None) -> Image:
+        """Render a small picture of the scene, which a notebook shows: without mirrors.
+
+        Parameters
+        ----------
+        pixels : int
+            Of its longer side, 1 to 65535.
+        camera : Camera, optional
+            The view, whose other side follows. By default as of `render`.
+
+        Returns
+        -------
+        Image
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError
+            As for `render`.
+        """
+        (view,) = Views.of(self.store, camera, None, 1, ()).cameras
+        longer = max(view.resolution)
+        at_least_one("pixels", pixels, MOST_PIXELS)
+        width, height = (max(1, round(side * pixels / longer)) for side in view.resolution)
+        return self.render(camera=replace(view, resolution=(width, height)), depth=1)
 
     def turntable(self, count: int, camera: Camera | None = None) -> list[Camera]:
         """Return views around the scene: a camera that is turned about the center of the bounds.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import Any, overload
 
@@ -15,6 +16,7 @@ from bfrt.framing import turntable
 from bfrt.ids import kind_of
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
+from bfrt.notebook import bounds_rows, table
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
 from bfrt.queries.answers import Out
@@ -61,6 +63,13 @@ class ShardedScene:
     def __repr__(self) -> str:
         workers = len(self._wavefront.carriers)
         return f"<ShardedScene {str(self.path)!r}: {self.objects:,} objects, {workers} workers>"
+
+    def _repr_html_(self) -> str:
+        shards = len(self._manifest.shards)
+        facts = [("objects", f"{self.objects:,}"), ("shards", f"{shards:,}")]
+        workers = [(name, f"{len(own):,} shards") for name, own in self.workers.items()]
+        shown = [*facts, *bounds_rows(self.bounds), *workers]
+        return f"<b>{escape(str(self.path))}</b>{table(shown)}"
 
     @property
     def _manifest(self) -> Manifest:

@@ -21,7 +21,7 @@ LAYERS = [
     {"store"},
     {"shards"},
     {"formats", "framing"},
-    {"view"},
+    {"notebook", "view"},
     {"checkpoint"},
     {"scan"},
     {"grid"},

@@ -14,12 +14,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bfrt.errors import SettingError
 from bfrt.image.picture import Image
-from bfrt.image.png import SIGNATURE, chunk, deflated, encode_srgb, header, pieces, scanlines
+from bfrt.image.png import SIGNATURE, chunk, deflated, header, pieces, scanlines
 from bfrt.streams.atomic_write import write_parts
 
 SUFFIXES = (".gif", ".png")
@@ -118,7 +115,7 @@ def encode_gif(images: Iterable[Image], hundredths: int, maker: Any) -> Iterator
             yield b"GIF89a" + struct.pack("<HHBBB", width, height, 0x70, 0, 0)
             yield b"\x21\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", 0) + b"\0"
         packed = io.BytesIO()
-        maker.fromarray(codes_of(image)).quantize(256).save(packed, "GIF")
+        maker.fromarray(image.srgb()).quantize(256).save(packed, "GIF")
         frame = frame_of(packed.getvalue())
         yield b"\x21\xf9\x04\x04" + struct.pack("<H", hundredths) + b"\0\0"
         depth = (len(frame.palette) // 3).bit_length() - 2
@@ -144,14 +141,3 @@ def frame_of(gif: bytes) -> Frame:
             at += gif[at] + 1
         at += 1
     return Frame(gif[GIF_HEAD:palette_end], gif[at + GIF_PLACE : gif.rindex(GIF_END)])
-
-
-def codes_of(image: Image) -> NDArray[np.uint8]:
-    """Return the sRGB codes of a picture, (height, width, 3)."""
-    codes = np.empty((*image.shape, 3), np.uint8)
-    row = 0
-    for band in image.bands():
-        some = np.stack([encode_srgb(band[name]) for name in "RGB"], axis=-1)
-        codes[row : row + len(some)] = some
-        row += len(some)
-    return codes

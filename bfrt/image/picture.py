@@ -16,7 +16,7 @@ from bfrt.image.color_bar import bar_of, beside, check_bar
 from bfrt.image.color_scale import ColorScale
 from bfrt.image.exr import write_exr
 from bfrt.image.image_buffer import expect, forget
-from bfrt.image.png import encode_png, write_png
+from bfrt.image.png import encode_png, encode_srgb, write_png
 from bfrt.masks import is_masked
 from bfrt.paths import check_outside, path_of, without_links
 from bfrt.refusals import in_memory
@@ -185,6 +185,44 @@ class Image:
         """Release the memory of what was read of channels on disk."""
         for pixels in self.channels.values():
             forget(pixels)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Show the picture by matplotlib, as its PNG shows it.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where it is shown; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        SettingError
+            If matplotlib is not installed.
+        """
+        try:
+            from matplotlib import pyplot
+        except ImportError:
+            raise SettingError(
+                "image: a plot needs matplotlib: pip install bfrt[colormaps]"
+            ) from None
+        axes = pyplot.subplots()[1] if axes is None else axes
+        axes.imshow(self.srgb(), interpolation="none")
+        axes.set_axis_off()
+        return axes
+
+    def srgb(self) -> npt.NDArray[np.uint8]:
+        """Return the codes that a PNG has, sRGB, a new array of shape (height, width, 3)."""
+        codes = np.empty((*self.shape, 3), np.uint8)
+        row = 0
+        for band in self.bands():
+            some = np.stack([encode_srgb(band[name]) for name in "RGB"], axis=-1)
+            codes[row : row + len(some)] = some
+            row += len(some)
+        return codes
 
     def _repr_png_(self) -> bytes:
         return b"".join(encode_png(self.width, self.height, self.bands()))

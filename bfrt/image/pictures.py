@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -46,6 +47,10 @@ class Images(list[Image]):
     def stats(self) -> Stats | None:
         """Return the counters of the render, of all views together."""
         return self[0].stats if self else None
+
+    def _repr_html_(self) -> str:
+        shown = (base64.b64encode(image._repr_png_()).decode() for image in self)
+        return "".join(f'<img src="data:image/png;base64,{each}">' for each in shown)
 
     def save(
         self, pattern: PathLike, *, half: bool = False, color_bar: ColorScale | None = None
