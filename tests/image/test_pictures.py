@@ -175,7 +175,7 @@ def full(path, *_):
 def test_all_are_written_or_none(images, tmp_path, monkeypatch):
     """The fourth picture finds no room; the error names what it was to become."""
     (tmp_path / "a0.png").write_bytes(b"before")
-    monkeypatch.setattr(images[3], "save", lambda path, half: full(path))
+    monkeypatch.setattr(images[3], "save", lambda path, half, color_bar: full(path))
     with pytest.raises(DiskFullError, match=rf"^{tmp_path}/a3.png: writing at byte 12: No space"):
         images.save(tmp_path / "a{}.png")
     assert [path.name for path in tmp_path.iterdir()] == ["a0.png"]
