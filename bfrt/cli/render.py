@@ -21,11 +21,11 @@ from bfrt.cli.options import (
     command,
     tell_checkpoints,
 )
-from bfrt.cli.view import add_view, cameras_of, is_of_several
+from bfrt.cli.view import add_view, cameras_of, first_of, is_of_several
 from bfrt.conversion.sources import is_store
 from bfrt.errors import SettingError
 from bfrt.image.animation import check_animation
-from bfrt.image.color_bar import check_bar
+from bfrt.image.color_bar import check_bar, check_height
 from bfrt.image.color_scale import ColorScale
 from bfrt.image.numbered import numbered
 from bfrt.image.picture import SUFFIXES, Image
@@ -115,6 +115,8 @@ def run_render(options: argparse.Namespace) -> None:
         with opened(options) as scene:
             bar = scale_of(options, scene)
             settings = settings_of(options, scene)
+            if bar is not None:
+                check_height(first_of(settings["camera"]).resolution[1])
             made = scene.render(
                 progress=wants_bar(options.quiet), checkpoint=checkpoint, **settings
             )

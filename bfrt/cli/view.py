@@ -54,6 +54,11 @@ def cameras_of(options: argparse.Namespace, store: Store) -> Camera | list[Camer
     return camera if options.turntable is None else turntable(store, options.turntable, camera)
 
 
+def first_of(cameras: Camera | list[Camera]) -> Camera:
+    """Return the camera to render with, of several the first."""
+    return cameras if isinstance(cameras, Camera) else cameras[0]
+
+
 def listed_views(options: argparse.Namespace, store: Store) -> list[Camera]:
     """Return the views of a file, with the resolution that is asked for."""
     for name in ("view", "eye", "at", "up", "angle"):

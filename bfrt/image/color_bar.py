@@ -43,6 +43,18 @@ def check_bar(path: str | os.PathLike[str]) -> None:
         ) from None
 
 
+def check_height(height: int) -> None:
+    """Refuse a picture that is too low for numbers beside it.
+
+    Raises
+    ------
+    SettingError
+        If it is.
+    """
+    if height < LEAST:
+        raise SettingError(f"color_bar: found {height} rows, expected {LEAST} or more for numbers")
+
+
 def bar_of(scale: ColorScale, height: int) -> NDArray[np.float32]:
     """Return a color bar, (height, WIDTH, 3), linear: white, its numbers at the right.
 
@@ -51,8 +63,7 @@ def bar_of(scale: ColorScale, height: int) -> NDArray[np.float32]:
     SettingError
         If the picture is too low for numbers.
     """
-    if height < LEAST:
-        raise SettingError(f"color_bar: found {height} rows, expected {LEAST} or more for numbers")
+    check_height(height)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

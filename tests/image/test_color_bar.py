@@ -144,6 +144,10 @@ def test_a_bar_on_the_command_line(points, tmp_path, capsys, monkeypatch):
     for asked, fault in (
         (["-o", "c.png", "--radius", "0.5"], "--color-bar: found 0 ranges of numbers"),
         (["-o", "c.exr", "--radius", "0.5"], "--color-bar: found no -o FILE.png, expected one"),
+        (
+            ["-o", "c.png", "--radius", "0.5", "--color-by", "heat", "--resolution", "9", "63"],
+            "color_bar: found 63 rows, expected 64 or more",
+        ),
     ):
         assert main(["render", str(points), *small, *asked, "--color-bar"]) == 2
         assert fault in capsys.readouterr().err
