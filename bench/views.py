@@ -97,7 +97,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--size", type=int, default=135, help="of rings (135)")
     parser.add_argument("--views", type=int, default=36, help="of a turn (36)")
-    parser.add_argument("--alone", type=int, default=4, help="views that are rendered alone (4)")
+    parser.add_argument("--alone", type=int, default=6, help="views that are rendered alone (6)")
     parser.add_argument("--pixels", type=int, default=512, help="a side (512)")
     parser.add_argument("--order", choices=("given", "spatial"), default="given")
     parser.add_argument("--memory", default="256MiB")
