@@ -21,6 +21,7 @@ OFFERED = {
     "DiskFullError": "bfrt.errors:DiskFullError",
     "Hierarchy": "bfrt.store.hierarchy:Hierarchy",
     "Image": "bfrt.image.picture:Image",
+    "Images": "bfrt.image.pictures:Images",
     "Light": "bfrt.store.model:Light",
     "Litter": "bfrt.streams.litter:Litter",
     "Material": "bfrt.store.model:Material",
@@ -50,6 +51,7 @@ OFFERED = {
     "plan": "bfrt.scene:plan",
     "render": "bfrt.scene:render",
     "spd": "bfrt.spd",
+    "turntable": "bfrt.scene:turntable",
     "viewshed": "bfrt.terrain.viewshed:viewshed",
     "visibility": "bfrt.scene:visibility",
 }

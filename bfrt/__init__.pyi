@@ -18,6 +18,7 @@ from bfrt.errors import (
     StreamError,
 )
 from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.planned import Plan
 from bfrt.progress import Progress
 from bfrt.queries.camera import camera_rays
@@ -33,6 +34,7 @@ from bfrt.scene import (
     occluded,
     plan,
     render,
+    turntable,
     visibility,
 )
 from bfrt.sharded import ShardedScene
@@ -53,6 +55,7 @@ __all__ = [
     "DiskFullError",
     "Hierarchy",
     "Image",
+    "Images",
     "Light",
     "Litter",
     "Material",
@@ -82,6 +85,7 @@ __all__ = [
     "plan",
     "render",
     "spd",
+    "turntable",
     "viewshed",
     "visibility",
 ]

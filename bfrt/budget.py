@@ -176,6 +176,8 @@ def capacities(store: Store, settings: Settings, frame: FrameSize = NO_FRAME) ->
     least = fixed + small.bytes + needed
     if memory < least:
         what = f"{frame.width} x {frame.height} pixels" if frame.width else "rays"
+        if frame.views > 1:
+            what = f"{frame.views} views of {what}"
         if frame.band:
             what += f", begun in bands of {frame.band} rows,"
         raise BudgetError(

@@ -111,6 +111,11 @@ class StreamError(BfrtError, OSError):
     def __str__(self) -> str:
         return escaped(str(self.args[1]))
 
+    def about(self, path: str | os.PathLike[str]) -> StreamError:
+        """Return the same error about another path: of what the file was to become."""
+        assert self.errno is not None
+        return type(self)(path, self.offset, self.errno, self._doing)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by the arguments, so that a pool of processes can pass the error on."""
         return type(self), (self.path, self.offset, self.errno, self._doing)

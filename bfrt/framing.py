@@ -1,4 +1,4 @@
-"""A camera and lights for a scene that has none, made from its bounds.
+"""A camera and lights for a scene that has none, made from its bounds; views around a scene.
 
 ::
 
@@ -18,6 +18,7 @@ import math
 from dataclasses import replace
 
 from bfrt.errors import SettingError
+from bfrt.settings import at_least_one
 from bfrt.store.model import Camera, Light, Vector, cross
 from bfrt.store.store import Store
 
@@ -57,6 +58,29 @@ def framing_camera(
         eye=moved(center, distance, view.eye) if eye is None else eye,
         at=center if at is None else at,
     )
+
+
+def turntable(store: Store, count: int, camera: Camera | None = None) -> list[Camera]:
+    """Return views around a store's bounds, as `bfrt.Scene.turntable` does."""
+    at_least_one("count", count)
+    if camera is not None and not isinstance(camera, Camera):
+        raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera or None")
+    first = camera or store.camera or framing_camera(store)
+    center, _ = bounding_sphere(store)
+    axis = unit(first.up)
+
+    def turned(point: Vector, angle: float) -> Vector:
+        """Turn a point about the axis through the center (Rodrigues)."""
+        way = moved(point, -1.0, center)
+        along = axis[0] * way[0] + axis[1] * way[1] + axis[2] * way[2]
+        aside = moved(way, -along, axis)
+        onward = cross(axis, aside)
+        on_axis = moved(center, along, axis)
+        return moved(moved(on_axis, math.cos(angle), aside), math.sin(angle), onward)
+
+    angles = (2.0 * math.pi * number / count for number in range(1, count))
+    others = ((turned(first.eye, angle), turned(first.at, angle)) for angle in angles)
+    return [first, *(replace(first, eye=eye, at=at) for eye, at in others)]
 
 
 def framing_lights(store: Store, camera: Camera) -> list[Light]:

@@ -18,7 +18,7 @@ from bfrt.planned import ASSUMED, GridPlan, PhasePlan
 from bfrt.planner import Planner, Wave
 from bfrt.settings import Refinement, Settings
 from bfrt.store.store import Group, Store
-from bfrt.view import View
+from bfrt.view import Views
 
 
 def _grid_plan(store: Store, group: Group, held: GridCapacities, settings: Settings) -> GridPlan:
@@ -105,8 +105,10 @@ def swept_of(group: Group, refinement: Refinement) -> Swept:
 class GridPlanner(Planner[GridCapacities]):
     """Works out a plan of a render by the paper's grid."""
 
-    def __init__(self, store: Store, view: View, settings: Settings, held: GridCapacities) -> None:
-        super().__init__(store, view, settings, held)
+    def __init__(
+        self, store: Store, views: Views, settings: Settings, held: GridCapacities
+    ) -> None:
+        super().__init__(store, views, settings, held)
         self.grids = tuple(_grid_plan(store, group, held, settings) for group in store.groups)
         self._swept = [swept_of(group, self.refinement) for group in store.groups]
 

@@ -221,8 +221,8 @@ class Plan:
     scene_bytes : int
         Bytes of the store, without marks.
     settings : dict
-        The settings as in `bfrt.stats.Stats`, and the resolution, the samples a pixel (0 for SPD's
-        procedure) and the AOVs.
+        The settings as in `bfrt.stats.Stats`, and the resolution, the number of views, the
+        samples a pixel (0 for SPD's procedure) and the AOVs.
     rays_in_flight, candidates, hits, queue : int
         Rays in flight, their candidates, hits that wait for shading, and rays of the next depth
         that memory holds; more of the last two wait on disk.
@@ -290,6 +290,9 @@ def _amounts(plan: Plan) -> Rows:
     s = plan.settings
     samples = f"{s['samples']} samples" if s["samples"] else "a ray each corner"
     occlusion = f", ao {s['ao']}" if s["ao"] else ""
+    pixels = "{} x {}".format(*s["resolution"])
+    if s["views"] > 1:
+        pixels = f"{s['views']} x {pixels}"
     image = "on disk" if plan.frame_on_disk else "in memory"
     return [
         ("what", "amount", "note"),
@@ -299,7 +302,7 @@ def _amounts(plan: Plan) -> Rows:
         ("candidates", f"{plan.candidates:,}", "exact"),
         ("hits in memory", f"{plan.hits:,}", "exact"),
         ("queued in memory", f"{plan.queue:,}", "exact"),
-        ("pixels", "{} x {}".format(*s["resolution"]), f"{samples}, depth {s['depth']}{occlusion}"),
+        ("pixels", pixels, f"{samples}, depth {s['depth']}{occlusion}"),
         ("bands of rows", f"{plan.bands:,}", f"image {image}"),
         ("eye rays", f"{plan.rays.eye:,}", "exact"),
         ("other rays", f"{plan.rays.others:,}", "estimate"),

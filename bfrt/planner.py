@@ -15,7 +15,7 @@ from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan, 
 from bfrt.records import HIT_BYTES, PATH_BYTES, QUEUED_BYTES, RAY_BYTES
 from bfrt.settings import Settings
 from bfrt.store.store import Store
-from bfrt.view import View
+from bfrt.view import Views
 
 Held = TypeVar("Held", bound=Capacities)
 
@@ -65,7 +65,7 @@ class Planner(ABC, Generic[Held]):
     Parameters
     ----------
     store : Store
-    view : View
+    views : Views
     settings : Settings
     held : Capacities
         What the budget holds.
@@ -81,7 +81,7 @@ class Planner(ABC, Generic[Held]):
     grids: tuple[GridPlan, ...] = ()
     tree: TreePlan | None = None
 
-    def __init__(self, store: Store, view: View, settings: Settings, held: Held) -> None:
+    def __init__(self, store: Store, views: Views, settings: Settings, held: Held) -> None:
         self.store = store
         self.held = held
         self.refinement = settings.refinement
@@ -89,22 +89,24 @@ class Planner(ABC, Generic[Held]):
             "refine": settings.refinement.name,
             "memory": settings.memory,
             "threads": settings.threads,
-            "depth": view.depth,
-            "resolution": list(view.camera.resolution),
-            "samples": view.samples,
-            "aovs": list(view.aovs),
-            "ao": view.illumination.ao,
+            "depth": views.depth,
+            "resolution": list(views.cameras[0].resolution),
+            "views": len(views.each),
+            "samples": views.samples,
+            "aovs": list(views.aovs),
+            "ao": views.illumination.ao,
         }
-        self._frame = view.frame
-        width, height = view.camera.resolution
-        self.bands = held.bands(height)
-        self.eye = count_eye_rays(width, height, view.samples)
+        frame = self._frame = views.frame
+        self.bands = held.bands(frame.height)
+        self.eye = count_eye_rays(frame)
         # The first band is the largest, by the corners that it does not share.
-        band = count_eye_rays(width, min(held.rows, height), view.samples)
-        onward, light, a = onward_rays(store), view.illumination, ASSUMED
+        band = count_eye_rays(frame, min(held.rows, frame.height))
+        onward, light, a = onward_rays(store), views.illumination, ASSUMED
         shadows = a.facing * len(light.lights) + light.ao
-        self.likely = waves(band, view.depth, hits=a.hits, onward=a.onward[onward], shadows=shadows)
-        self.most = waves(band, view.depth, hits=1.0, onward=onward, shadows=light.shadow_rays)
+        self.likely = waves(
+            band, views.depth, hits=a.hits, onward=a.onward[onward], shadows=shadows
+        )
+        self.most = waves(band, views.depth, hits=1.0, onward=onward, shadows=light.shadow_rays)
 
     @abstractmethod
     def preprocess(self) -> PhasePlan:

@@ -14,13 +14,13 @@ from bfrt.planned import Plan
 from bfrt.settings import Settings
 from bfrt.store.store import Store
 from bfrt.tree_planning import TreePlanner
-from bfrt.view import View
+from bfrt.view import Views
 
 
 def plan_of(
-    store: Store, view: View, settings: Settings, held: Capacities, *, kept: bool = False
+    store: Store, views: Views, settings: Settings, held: Capacities, *, kept: bool = False
 ) -> Plan:
-    """Plan a render of a view with the capacities of its budget, for `bfrt.plan`.
+    """Plan a render of views with the capacities of its budget, for `bfrt.plan`.
 
     Parameters
     ----------
@@ -28,6 +28,6 @@ def plan_of(
         Whether its state is kept in a checkpoint.
     """
     if isinstance(held, TreeCapacities):
-        return TreePlanner(store, view, settings, held).plan(kept)
+        return TreePlanner(store, views, settings, held).plan(kept)
     assert isinstance(held, GridCapacities)
-    return GridPlanner(store, view, settings, held).plan(kept)
+    return GridPlanner(store, views, settings, held).plan(kept)

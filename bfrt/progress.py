@@ -172,14 +172,20 @@ def reporting(progress: bool | Report) -> Iterator[Report]:
 
 
 class Bar:
-    """Shows a tqdm bar for each depth: rays finished, of the depth's rays."""
+    """Shows a tqdm bar for each depth: rays finished, of the depth's rays.
+
+    It is that of a notebook in one, and of a terminal elsewhere.
+    """
 
     def __init__(self) -> None:
         try:
-            from tqdm import tqdm
+            from tqdm.auto import tqdm
+            from tqdm.notebook import tqdm_notebook
         except ImportError:
             raise SettingError("progress: a bar needs tqdm: install bfrt[progress]") from None
         self._tqdm = tqdm
+        # A terminal's bar is none where there is no terminal; a notebook has none, and shows it.
+        self._disable = False if issubclass(tqdm, tqdm_notebook) else None
         self._bar: Any = None
         self._where = (0, 0)
 
@@ -193,7 +199,7 @@ class Bar:
                 desc=f"{band}depth {progress.depth}",
                 unit=" rays",
                 unit_scale=True,
-                disable=None,
+                disable=self._disable,
             )
         self._bar.total = progress.total  # which may grow
         self._bar.update(progress.done - self._bar.n)

@@ -21,7 +21,7 @@ from bfrt.records import HIT, HIT_BYTES, QUEUED, QUEUED_BYTES
 from bfrt.stats import Stats
 from bfrt.store.store import Store
 from bfrt.streams.spool import Spool
-from bfrt.view import View
+from bfrt.view import Views
 
 
 @dataclass
@@ -47,7 +47,7 @@ class RenderState:
     film : Film
         The light so far, of this band.
     image : ImageBuffer
-        The bands before it.
+        The bands before it, of all views.
     stats : Stats
         The counters so far.
     store : Store
@@ -69,7 +69,7 @@ class RenderState:
 
     @classmethod
     def first(
-        cls, store: Store, room: Room, scratch: Path, view: View, stats: Stats
+        cls, store: Store, room: Room, scratch: Path, views: Views, stats: Stats
     ) -> RenderState:
         """Return the state at the beginning.
 
@@ -80,11 +80,12 @@ class RenderState:
         scratch : Path
             Folder for what it does not.
         """
-        width, height = view.camera.resolution
-        film = Film(width, height, view.samples, room.rows, view.aovs)
+        frame = views.frame
+        width, height = frame.width, frame.height
+        film = Film(width, height, views.samples, room.rows, views.aovs, views=frame.views)
 
         def eye_rays(first: int, last: int) -> EyeRays:
-            return EyeRays(store, view.camera, view.samples, first, last)
+            return EyeRays(store, views.cameras, views.samples, first, last)
 
         return cls(
             bands=room.bands(height),
@@ -96,7 +97,7 @@ class RenderState:
             following=Spool(QUEUED, room.queue, scratch),
             hits=Spool(HIT, room.hits, scratch),
             film=film,
-            image=ImageBuffer(width, height, scratch if room.frame_on_disk else None),
+            image=ImageBuffer(width, height, scratch if room.frame_on_disk else None, frame.views),
             stats=stats,
             store=store,
         )
@@ -169,7 +170,7 @@ class RenderState:
         self.hits.restore(saved.blocks("hits", HIT))
         types = {name: np.dtype(text) for name, text in facts["image"].items()}
         channels = {name: saved.blocks(f"image.{name}", types[name]) for name in types}
-        self.image.restore(types, channels)
+        self.image.restore(types, channels, facts["row"])
         self.queue = self.waiting
         if facts["eye_rays"] is not None:
             eye_rays = self.eye_rays(*self.film.elements())
@@ -193,9 +194,7 @@ class RenderState:
         )
         for name, dtype in facts["image"].items():
             pixels = saved.count(f"image.{name}", np.dtype(dtype))
-            expect(
-                path, name, pixels, right=pixels == row * (self.film.shape[1] - self.film.corners)
-            )
+            expect(path, name, pixels, right=pixels == row * self.image.pixels)
         expect(path, "image", [*facts["image"]], right=bool(facts["image"]) == (row > 0))
         saved.sound = Sound(self.store, (row * self.film.shape[1], last))
 

@@ -1,4 +1,4 @@
-"""``bfrt.render``: a scene store in, a picture out, inside a memory budget."""
+"""``bfrt.render``: a scene store in, pictures out, inside a memory budget."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from collections.abc import Iterable
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.illumination import Illumination, light_intensity
 from bfrt.image.film_bands import Planes, own_planes
+from bfrt.image.image_buffer import ImageBuffer
 from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.progress import Report
 from bfrt.scheduler import Render
 from bfrt.stats import Stats, peak_rss
@@ -17,21 +19,21 @@ from bfrt.store.model import Light
 from bfrt.store.store import Store
 from bfrt.store.sun import Sun
 from bfrt.tracer import Tracer
-from bfrt.view import View
+from bfrt.view import View, Views
 
 log = logging.getLogger(__name__)
 
 
-def picture_of(
-    tracer: Tracer, view: View, report: Report, checkpoint: Checkpoint | None = None
-) -> Image:
-    """Trace a view of a scene into a picture.
+def pictures_of(
+    tracer: Tracer, views: Views, report: Report, checkpoint: Checkpoint | None = None
+) -> Images:
+    """Trace views of a scene into a picture of each.
 
     Parameters
     ----------
     tracer : Tracer
-        A session on the scene, with capacities for the view's frame.
-    view : View
+        A session on the scene, with capacities for the views' frame.
+    views : Views
     report : Report
         Called after each pass; returning False cancels.
     checkpoint : Checkpoint, optional
@@ -45,13 +47,19 @@ def picture_of(
     start = time.perf_counter()
     store = tracer.store
     stats = stats_of(tracer)
-    stats.settings["depth"] = view.depth
-    buffer = Render(tracer, view, stats, report, checkpoint).run()
-    image = Image(buffer.channels(), describe(store, view), stats)
+    stats.settings["depth"] = views.depth
+    buffer = Render(tracer, views, stats, report, checkpoint).run()
+    images = images_of(buffer, store, views, stats)
     stats.total.seconds += time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
     tell_of_bad_rays(stats)
-    return image
+    return images
+
+
+def images_of(buffer: ImageBuffer, store: Store, views: Views, stats: Stats) -> Images:
+    """Return the finished pictures of views, with their metadata."""
+    made = zip(buffer.each(), views.each, strict=True)
+    return Images(Image(channels, describe(store, views, view), stats) for channels, view in made)
 
 
 def tell_of_bad_rays(stats: Stats) -> None:
@@ -60,14 +68,14 @@ def tell_of_bad_rays(stats: Stats) -> None:
         log.warning("%d rays were NaN or had no direction, and hit nothing", stats.bad_rays)
 
 
-def band_of(tracer: Tracer, view: View, row: int, report: Report) -> tuple[Planes, Stats]:
-    """Trace one band of a view: what many workers share a frame by.
+def band_of(tracer: Tracer, views: Views, row: int, report: Report) -> tuple[Planes, Stats]:
+    """Trace one band of views: what many workers share a frame by.
 
     Parameters
     ----------
     tracer : Tracer
-        A session on the scene, with capacities for bands of the view's frame.
-    view : View
+        A session on the scene, with capacities for bands of the views' frame.
+    views : Views
     row : int
         The first of the band.
     report : Report
@@ -86,8 +94,8 @@ def band_of(tracer: Tracer, view: View, row: int, report: Report) -> tuple[Plane
     """
     start = time.perf_counter()
     stats = stats_of(tracer)
-    stats.settings["depth"] = view.depth
-    film = Render(tracer, view, stats, report).run_band(row)
+    stats.settings["depth"] = views.depth
+    film = Render(tracer, views, stats, report).run_band(row)
     stats.total.seconds += time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
     return own_planes(film), stats
@@ -109,8 +117,8 @@ def stats_of(tracer: Tracer) -> Stats:
     )
 
 
-def describe(store: Store, view: View) -> dict[str, str]:
-    """Return metadata: the scene and all that changes the picture, added lights included.
+def describe(store: Store, views: Views, view: View) -> dict[str, str]:
+    """Return metadata: the scene and all that changes the picture of a view, added lights included.
 
     Threads, budget and time change nothing, and are left out; so is light that is the scene's own.
     """
@@ -123,8 +131,8 @@ def describe(store: Store, view: View) -> dict[str, str]:
         "at": digits(camera.at),
         "up": digits(camera.up),
         "angle": digits([camera.angle]),
-        "samples": str(view.samples) if view.samples else "corners",
-        "depth": str(view.depth),
+        "samples": str(views.samples) if views.samples else "corners",
+        "depth": str(views.depth),
     }
     return facts | describe_light(store, view.illumination)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import update_wrapper
 from inspect import signature
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,9 +26,13 @@ from bfrt.cluster.place import Place
 from bfrt.cluster.point_blocks import lazy_point_answer
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
+from bfrt.framing import turntable as turntable_of
 from bfrt.grid.marks import verify_marks
 from bfrt.illumination import LightAsked
+from bfrt.image.color_scale import ColorScale
 from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
+from bfrt.notebook import html_of
 from bfrt.ordering_planning import ordering_of
 from bfrt.planned import Plan
 from bfrt.planning import plan_of
@@ -43,9 +47,9 @@ from bfrt.queries.question import Answer, Question
 from bfrt.queries.visibility import visibility as visibility_of
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
-from bfrt.rendering import picture_of
+from bfrt.rendering import pictures_of
 from bfrt.session import Divide, Session
-from bfrt.settings import FINEST, TREE, Settings
+from bfrt.settings import FINEST, TREE, Settings, at_least_one
 from bfrt.shards.store import open_any
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
@@ -53,9 +57,12 @@ from bfrt.store.store import Store
 from bfrt.store.sun import Sun
 from bfrt.store.writer import StoreWriter
 from bfrt.tracing import tracer_of
-from bfrt.view import DEPTH, View
+from bfrt.view import DEPTH, Cameras, Views, asked_for
 
 PathLike = str | os.PathLike[str]
+
+#: Pixels of a side of a picture.
+MOST_PIXELS = 65535
 
 #: A ``dask.distributed.Client``, True for the current one, or None for none.
 Client = Any
@@ -120,6 +127,9 @@ class Scene:
     def __repr__(self) -> str:
         return f"<Scene {str(self.path)!r}: {self.objects:,} objects>"
 
+    def _repr_html_(self) -> str:
+        return html_of(self.store)
+
     @property
     def path(self) -> Path:
         """Return the path of the store."""
@@ -163,6 +173,11 @@ class Scene:
     def crs(self) -> str:
         """Return the reference system of coordinates, "EPSG:32632" or WKT; empty for none."""
         return self.store.crs
+
+    @property
+    def colors(self) -> tuple[ColorScale, ...]:
+        """Return what colors say that a map has made of numbers: its name, its range."""
+        return self.store.colors
 
     @property
     def lights(self) -> list[Light]:
@@ -297,6 +312,55 @@ class Scene:
             self.store, eye=eye, at=at, up=up, angle=angle, resolution=resolution
         )
 
+    def preview(self, pixels: int = 256, camera: Camera | None = None) -> Image:
+        """Render a small picture of the scene, which a notebook shows: without mirrors.
+
+        Parameters
+        ----------
+        pixels : int
+            Of its longer side, 1 to 65535.
+        camera : Camera, optional
+            The view, whose other side follows. By default as of `render`.
+
+        Returns
+        -------
+        Image
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError
+            As for `render`.
+        """
+        (view,) = Views.of(self.store, camera, None, 1, ()).cameras
+        longer = max(view.resolution)
+        at_least_one("pixels", pixels, MOST_PIXELS)
+        width, height = (max(1, round(side * pixels / longer)) for side in view.resolution)
+        return self.render(camera=replace(view, resolution=(width, height)), depth=1)
+
+    def turntable(self, count: int, camera: Camera | None = None) -> list[Camera]:
+        """Return views around the scene: a camera that is turned about the center of the bounds.
+
+        The axis has the camera's up direction; from above the camera goes round against the clock.
+
+        Parameters
+        ----------
+        count : int
+            Views of a whole turn, 1 or more.
+        camera : Camera, optional
+            The first of them. By default as of `render`.
+
+        Returns
+        -------
+        list of Camera
+
+        Raises
+        ------
+        SettingError
+            If `count` is no such number, or there is no camera, and no object to frame.
+        """
+        return turntable_of(self.store, count, camera)
+
+    @overload
     def render(
         self,
         *,
@@ -320,8 +384,57 @@ class Scene:
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
         client: Client = None,
-    ) -> Image:
-        """Render the scene.
+    ) -> Image: ...
+    @overload
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Sequence[Camera],
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        lights: Sequence[Light | Sun] | None = None,
+        ambient: float | None = None,
+        ao: int = 0,
+        ao_distance: float | None = None,
+        background: Vector | None = None,
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+        client: Client = None,
+    ) -> Images: ...
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Cameras = None,
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        lights: Sequence[Light | Sun] | None = None,
+        ambient: float | None = None,
+        ao: int = 0,
+        ao_distance: float | None = None,
+        background: Vector | None = None,
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | Checkpoint | None = None,
+        every: float = EVERY,
+        client: Client = None,
+    ) -> Image | Images:
+        """Render the scene, from one view or from several at once.
 
         The picture is the same, bit for bit, for every memory budget and every number of threads.
 
@@ -332,9 +445,10 @@ class Scene:
             machine's memory, or of its cgroup's limit.
         threads : int, optional
             Number of threads. By default all cores that this process may use.
-        camera : Camera, optional
+        camera : Camera or sequence of Camera, optional
             The view. By default the scene's own, or if it has none one that frames it
-            (`framing_camera`).
+            (`framing_camera`). Several views, of one resolution, share all passes over the scene,
+            and each picture is the same as alone, bit for bit (`turntable` makes some).
         samples : int, optional
             Stratified samples a pixel. By default SPD's procedure: a ray at each pixel corner, four
             averaged.
@@ -398,8 +512,9 @@ class Scene:
 
         Returns
         -------
-        Image
-            R G B A, Z, N and object ids, and the `aovs`; `Image.stats` has the counters.
+        Image or Images
+            R G B A, Z, N and object ids, and the `aovs`; `Image.stats` has the counters. Where
+            `camera` is a sequence, a list of the picture of each.
 
         Raises
         ------
@@ -417,17 +532,17 @@ class Scene:
             If the system refuses a read or a write.
         """
         light = LightAsked(lights, ambient, ao, ao_distance, background)
-        view = View.of(self.store, camera, samples, depth, aovs, light)
+        views = Views.of(self.store, camera, samples, depth, aovs, light)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         if client is not None and client is not False:
             asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return self._render_by(client, view, asked, progress, checkpoint)
+            return asked_for(self._render_by(client, views, asked, progress, checkpoint), camera)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         reported, inside = reporting(progress), self._inside(settings, "rendering")
         with reported as report, inside, keeping(checkpoint, every) as kept:
-            frame = view.frame
+            frame = views.frame
             if kept is not None:
-                work = identity_of_render(self.store, view, settings)
+                work = identity_of_render(self.store, views, settings)
                 found = kept.find(work, RENDER_FACTS)
                 frame = frame._replace(band=0 if found is None else found.facts["rows"])
             plan = self._session.divide(self.store, settings, frame)
@@ -437,16 +552,16 @@ class Scene:
                 self.store.folder.session(),
                 tracer_of(self.store, settings, plan, folder) as tracer,
             ):
-                return picture_of(tracer, view, report, kept)
+                return asked_for(pictures_of(tracer, views, report, kept), camera)
 
     def _render_by(
         self,
         client: Client,
-        view: View,
+        views: Views,
         asked: Asked,
         progress: bool | Report,
         checkpoint: PathLike | Checkpoint | None,
-    ) -> Image:
+    ) -> Images:
         """Render by the workers of a cluster."""
         if checkpoint is not None:
             raise SettingError(
@@ -455,14 +570,14 @@ class Scene:
             )
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
             heard = None if progress is False else report
-            return bands.render(client_of(client), self.store, view, asked, heard)
+            return bands.render(client_of(client), self.store, views, asked, heard)
 
     def plan(
         self,
         *,
         memory: str | int | None = None,
         threads: int | None = None,
-        camera: Camera | None = None,
+        camera: Cameras = None,
         resolution: tuple[int, int] | None = None,
         samples: int | None = None,
         depth: int = DEPTH,
@@ -503,11 +618,11 @@ class Scene:
             As for `render`.
         """
         light = LightAsked(lights, ambient, ao, ao_distance, background)
-        view = View.of(self.store, camera, samples, depth, aovs, light).sized(resolution)
+        views = Views.of(self.store, camera, samples, depth, aovs, light).sized(resolution)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-        held = self._session.divide(self.store, settings, view.frame)
-        return plan_of(self.store, view, settings, held, kept=checkpoint is not None)
+        held = self._session.divide(self.store, settings, views.frame)
+        return plan_of(self.store, views, settings, held, kept=checkpoint is not None)
 
     def cast_rays(
         self,
@@ -1045,6 +1160,7 @@ def of_scene(
 
 
 framing_camera = of_scene(Scene.framing_camera)
+turntable = of_scene(Scene.turntable)
 render = of_scene(Scene.render)
 plan = of_scene(Scene.plan)
 cast_rays = of_scene(Scene.cast_rays)

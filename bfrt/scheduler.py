@@ -26,23 +26,23 @@ from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.image.film import Film
 from bfrt.image.image_buffer import ImageBuffer, resolve
-from bfrt.phases.eye import view_vectors
 from bfrt.phases.hit_order import HitLoads
 from bfrt.phases.shading import Shading
+from bfrt.phases.viewpoints import viewpoints_of
 from bfrt.progress import Progress, Report, tell
 from bfrt.render_state import RenderState
 from bfrt.stats import Counters, Stats
 from bfrt.tracer import Outcome, Tracer
-from bfrt.view import View
+from bfrt.view import Views
 
 
 class Render:
-    """Traces one view of a scene, band by band.
+    """Traces views of a scene together, band by band.
 
     Parameters
     ----------
     tracer : Tracer
-    view : View
+    views : Views
     stats : Stats
         The counters of the render.
     report : Report
@@ -54,13 +54,14 @@ class Render:
     def __init__(
         self,
         tracer: Tracer,
-        view: View,
+        views: Views,
         stats: Stats,
         report: Report,
         checkpoint: Checkpoint | None = None,
     ) -> None:
         self._tracer = tracer
-        self._view = view
+        self._depth = views.depth
+        self._background = views.illumination.background
         self._report = report
         self._checkpoint = checkpoint
         self._resumed = None if checkpoint is None else checkpoint.found
@@ -68,13 +69,12 @@ class Render:
         self._began = self._start  # of the depth
         self._bad = -tracer.bad  # those of work before
         store, room = tracer.store, tracer.capacities
-        self._state = RenderState.first(store, room, tracer.scratch, view, stats)
-        eye = view_vectors(view.camera, store.origin)[0]
-        film, workers = self._state.film, tracer.workers
-        self._shading = Shading(store, view.illumination, film, eye, room.hits, workers)
+        self._state = RenderState.first(store, room, tracer.scratch, views, stats)
+        film, seen = self._state.film, viewpoints_of(views, store.origin)
+        self._shading = Shading(store, seen, film, room.hits, tracer.workers)
 
     def run(self) -> ImageBuffer:
-        """Trace all bands; return the finished picture."""
+        """Trace all bands; return the finished pictures."""
         state = self._state
         self._tracer.begin(state.stats)
         try:
@@ -132,8 +132,7 @@ class Render:
     def _trace(self, saved: SavedState | None, counters: Counters) -> None:
         """Find the hits of the rays that wait, and of those that were in flight."""
         state = self._state
-        background = self._view.illumination.background
-        outcome = Outcome(state.hits, state.film, background=background)
+        outcome = Outcome(state.hits, state.film, background=self._background)
         start = Progress(state.depth, 0, len(state.queue), state.band, state.bands)
         if saved is not None:
             start = self._go_on(saved, start, outcome, counters)
@@ -154,7 +153,7 @@ class Render:
     def _shade(self, counters: Counters) -> None:
         """Shade the hits, and gather the rays that go on."""
         state, phase = self._state, counters.phases.shading
-        last = state.depth >= self._view.depth
+        last = state.depth >= self._depth
 
         def between_loads(loads: HitLoads) -> None:
             if self._checkpoint is not None and len(loads):

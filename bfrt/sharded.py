@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import Any, overload
 
@@ -11,9 +12,12 @@ from numpy.typing import ArrayLike
 
 from bfrt.cluster.asked import Asked
 from bfrt.errors import SettingError
+from bfrt.framing import turntable
 from bfrt.ids import kind_of
 from bfrt.illumination import LightAsked
 from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
+from bfrt.notebook import bounds_rows, table
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
 from bfrt.queries.answers import Out
@@ -27,7 +31,7 @@ from bfrt.shards.manifest import SUFFIX, Manifest
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.sun import Sun
-from bfrt.view import DEPTH, View
+from bfrt.view import DEPTH, Cameras, Views, asked_for
 from bfrt.wavefront.scene import ALL, ANY, COUNT, NEAREST, Wanted, Wavefront
 
 #: Rays, their ends, and where the answer goes.
@@ -61,6 +65,13 @@ class ShardedScene:
     def __repr__(self) -> str:
         workers = len(self._wavefront.carriers)
         return f"<ShardedScene {str(self.path)!r}: {self.objects:,} objects, {workers} workers>"
+
+    def _repr_html_(self) -> str:
+        shards = len(self._manifest.shards)
+        facts = [("objects", f"{self.objects:,}"), ("shards", f"{shards:,}")]
+        workers = [(name, f"{len(own):,} shards") for name, own in self.workers.items()]
+        shown = [*facts, *bounds_rows(self.bounds), *workers]
+        return f"<b>{escape(str(self.path))}</b>{table(shown)}"
 
     @property
     def _manifest(self) -> Manifest:
@@ -112,6 +123,11 @@ class ShardedScene:
         """Return the shards, by their places in the file, that each worker answers for."""
         return {each.workers[0]: each.numbers for each in self._wavefront.carriers}
 
+    def turntable(self, count: int, camera: Camera | None = None) -> list[Camera]:
+        """Return views around the scene, as `Scene.turntable`."""
+        return turntable(self._wavefront.store, count, camera)
+
+    @overload
     def render(
         self,
         *,
@@ -133,7 +149,52 @@ class ShardedScene:
         scratch: PathLike | None = None,
         progress: bool | Report = False,
         checkpoint: PathLike | None = None,
-    ) -> Image:
+    ) -> Image: ...
+    @overload
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Sequence[Camera],
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        lights: Sequence[Light | Sun] | None = None,
+        ambient: float | None = None,
+        ao: int = 0,
+        ao_distance: float | None = None,
+        background: Vector | None = None,
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | None = None,
+    ) -> Images: ...
+    def render(
+        self,
+        *,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        camera: Cameras = None,
+        samples: int | None = None,
+        depth: int = DEPTH,
+        aovs: Sequence[str] = (),
+        lights: Sequence[Light | Sun] | None = None,
+        ambient: float | None = None,
+        ao: int = 0,
+        ao_distance: float | None = None,
+        background: Vector | None = None,
+        refine: str | None = None,
+        fresh_marks: bool = False,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+        progress: bool | Report = False,
+        checkpoint: PathLike | None = None,
+    ) -> Image | Images:
         """Render the scene where its shards are.
 
         Rays go to the workers whose shards' bounds they meet, and each hit is shaded by the worker
@@ -158,7 +219,7 @@ class ShardedScene:
 
         Returns
         -------
-        Image
+        Image or Images
             As `Scene.render`. ``stats.travel`` counts what went between client and workers, by
             depth; ``stats.workers`` has the counters of each worker.
 
@@ -173,10 +234,10 @@ class ShardedScene:
                 "ends, others do its tasks again"
             )
         light = LightAsked(lights, ambient, ao, ao_distance, background)
-        view = View.of(self._wavefront.store, camera, samples, depth, aovs, light)
+        views = Views.of(self._wavefront.store, camera, samples, depth, aovs, light)
         asked = Asked(memory, threads, refine or FINEST, grid, max_grid, fresh_marks, scratch)
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
-            return self._wavefront.render(view, asked, refine, report)
+            return asked_for(self._wavefront.render(views, asked, refine, report), camera)
 
     def cast_rays(
         self,

@@ -11,14 +11,16 @@ from bfrt.records import NODE_BYTES
 from bfrt.settings import Settings
 from bfrt.store.store import Store
 from bfrt.tree.forest import Forest
-from bfrt.view import View
+from bfrt.view import Views
 
 
 class TreePlanner(Planner[TreeCapacities]):
     """Works out a plan of a render by treelets."""
 
-    def __init__(self, store: Store, view: View, settings: Settings, held: TreeCapacities) -> None:
-        super().__init__(store, view, settings, held)
+    def __init__(
+        self, store: Store, views: Views, settings: Settings, held: TreeCapacities
+    ) -> None:
+        super().__init__(store, views, settings, held)
         self.tree = TreePlan(
             treelets=sum(stream.treelets for stream in store.streams),
             nodes=sum(stream.nodes for stream in store.streams),

@@ -28,11 +28,12 @@ class Both(NamedTuple):
     sharded: bfrt.Scene
 
 
-def fill(writer, groups):
+def fill(writer, groups, lit=True):
     """Write groups of all kinds, which overlap: numbers are the writer's, seeds the scene's."""
     writer.camera(bfrt.Camera((0.0, 2.0, 16.0), (0.0, 0.0, 0.0), (0, 1, 0), resolution=(40, 30)))
-    writer.light(bfrt.Light((4.0, 9.0, 20.0)))
-    writer.light(bfrt.Light((-9.0, 1.0, 20.0), (1.0, 0.5, 0.2)))
+    if lit:
+        writer.light(bfrt.Light((4.0, 9.0, 20.0)))
+        writer.light(bfrt.Light((-9.0, 1.0, 20.0), (1.0, 0.5, 0.2)))
     writer.background((0.1, 0.2, 0.4))
     for number, seed in enumerate(groups):
         rng = np.random.default_rng(seed)
@@ -51,10 +52,10 @@ def fill(writer, groups):
         writer.append_polygons(objects.vertices, objects.counts, names[-1], group=number)
 
 
-def store_of(path, groups, order="given", **settings):
+def store_of(path, groups, order="given", lit=True, **settings):
     settings = {"dtype": "float32", "durable": False, **settings}
     with bfrt.SceneWriter(path, order=order, **settings) as writer:
-        fill(writer, groups)
+        fill(writer, groups, lit)
     return bfrt.open(path)
 
 

@@ -62,7 +62,7 @@ def stacked(image, prefix, letters):
 
 def seen_by_the_reference(store, samples):
     """Position, color, depth and id of each pixel's first sample, (height, width, ...)."""
-    rays = EyeRays(store, store.camera, samples)
+    rays = EyeRays(store, [store.camera], samples)
     rays = rays.read(len(rays))
     rays = rays[rays["sample"] == 0]
     origins, directions = (

@@ -65,6 +65,7 @@ def test_there_are_examples():
         "sight",
         "smooth",
         "snapshot",
+        "turntable",
         "viewshed",
         "visibility",
     ]

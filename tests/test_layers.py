@@ -22,7 +22,7 @@ LAYERS = [
     {"shards"},
     {"formats", "framing"},
     {"illumination"},
-    {"view"},
+    {"notebook", "view"},
     {"checkpoint"},
     {"scan"},
     {"grid"},

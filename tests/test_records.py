@@ -15,6 +15,7 @@ from bfrt.image.film import Film
 from bfrt.phases._shading import Shader
 from bfrt.phases._traversal import RayPool
 from bfrt.phases.lighting import Lighting
+from bfrt.phases.viewpoints import Viewpoints
 
 PXD = (Path(bfrt.__file__).parent / "records.pxd").read_text()
 
@@ -97,8 +98,8 @@ def test_the_compiler_agrees():
     settled(np.zeros(0, records.HIT))  # and a pool views its memory as RAY and PATH
     Shader(
         np.zeros(0, records.MATERIAL),
-        Lighting(np.zeros((0, 7)), 1.0, 0, 1.0),
-        np.zeros(3),
+        Lighting(np.zeros((1, 0, 7)), 1.0, 0, 1.0),
+        Viewpoints(np.zeros((1, 3)), (), 1),
         np.zeros(3),
         Film(1, 1, 1),
     )

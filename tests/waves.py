@@ -10,9 +10,8 @@ import numpy as np
 
 from bfrt.cluster.asked import Asked
 from bfrt.illumination import LightAsked
-from bfrt.image.picture import Image
-from bfrt.rendering import describe
-from bfrt.view import View
+from bfrt.rendering import images_of
+from bfrt.view import Views, asked_for
 from bfrt.wavefront.carriers import Carrier, ShardPlace
 from bfrt.wavefront.frame import FarRender, Wave, prepare
 from bfrt.wavefront.site import Site
@@ -61,10 +60,10 @@ def wave_of(sharded, parts, refine, **settings):
 
 
 def render_here(wave, seed=0, report=lambda _: None, **view):
-    """A picture, by tasks that end in an order of their own."""
+    """A picture, or those of several views, by tasks that end in an order of their own."""
     store = wave.store
     asked = {name: view.pop(name) for name in OF_LIGHT & view.keys()}
-    shown = View.of(
+    shown = Views.of(
         store, view.get("camera"), view.get("samples"), view.get("depth", 5), view.get("aovs", ()),
         LightAsked(**asked),
     )  # fmt: skip
@@ -72,4 +71,4 @@ def render_here(wave, seed=0, report=lambda _: None, **view):
     window = WindowHere(wave.carriers, seed)
     prepare(wave, window, stats, fresh_marks=False)
     buffer = FarRender(wave, window, shown, stats, report).run()
-    return Image(buffer.channels(), describe(store, shown), stats)
+    return asked_for(images_of(buffer, store, shown, stats), view.get("camera"))

@@ -11,7 +11,7 @@ from bfrt.errors import SettingError
 from bfrt.settings import Settings
 from bfrt.store.store import Store
 from bfrt.version import VERSION
-from bfrt.view import View
+from bfrt.view import Views
 
 Identity = dict[str, Any]
 
@@ -33,26 +33,37 @@ def identity_of(what: str, store: Store, settings: Settings) -> Identity:
     }
 
 
-def identity_of_render(store: Store, view: View, settings: Settings) -> Identity:
-    """Return what identifies a render: also all that changes its picture.
+def identity_of_render(store: Store, views: Views, settings: Settings) -> Identity:
+    """Return what identifies a render: also all that changes its pictures.
 
     Memory, threads and the grid change nothing of it, and are left out.
     """
-    camera = view.camera
+    cameras = views.cameras
     return _plain(
         {
             **identity_of("render", store, settings),
-            "eye": camera.eye,
-            "at": camera.at,
-            "up": camera.up,
-            "angle": camera.angle,
-            "resolution": camera.resolution,
-            "samples": view.samples,
-            "depth": view.depth,
-            "aovs": view.aovs,
-            **view.illumination.facts(),
+            "eye": _of_each([camera.eye for camera in cameras]),
+            "at": _of_each([camera.at for camera in cameras]),
+            "up": _of_each([camera.up for camera in cameras]),
+            "angle": _of_each([camera.angle for camera in cameras]),
+            "resolution": cameras[0].resolution,
+            "samples": views.samples,
+            "depth": views.depth,
+            "aovs": views.aovs,
+            **_light_of(views),
         }
     )
+
+
+def _of_each(values: Sequence[Any]) -> Any:
+    """Return the value of one view; of several a list."""
+    return values[0] if len(values) == 1 else values
+
+
+def _light_of(views: Views) -> dict[str, Any]:
+    """Return what lights the pictures: of several views the lights of each."""
+    lights = [view.illumination.facts()["lights"] for view in views.each]
+    return {**views.illumination.facts(), "lights": _of_each(lights)}
 
 
 def identity_of_conversion(sources: Sequence[str], settings: Mapping[str, Any]) -> Identity:

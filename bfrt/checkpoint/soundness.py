@@ -17,7 +17,7 @@ from bfrt.records import HIT, NO_HIT, PATH, QUERY_PATH, QUERY_RAY, QUEUED, RAY, 
 from bfrt.stats import counters_of
 from bfrt.store.header import (
     FACTS,
-    PLACED,
+    SOME_HAVE,
     Check,
     bounds,
     camera,
@@ -146,7 +146,7 @@ GROUP_FACTS = fields(
     surface=real,
     seconds=real,
 )
-VIEW_FACTS = fields(PLACED, camera=optional(camera), lights=listed(light), background=vector)
+VIEW_FACTS = fields(SOME_HAVE, camera=optional(camera), lights=listed(light), background=vector)
 CONVERSION_FACTS = fields(
     inputs=listed(optional(fields(bytes=whole(MANY), changed=moment))),
     uses=fields(names=listed(string), known=listed(string)),

@@ -105,6 +105,7 @@ def convert_input(options: argparse.Namespace, target: PathLike, wanted: Wanted)
             color_by=options.color_by,
             colormap=options.colormap,
             color_range=options.color_range,
+            color_log=options.color_log,
             column_names=options.column_names,
             frame=options.frame,
             opacity=options.opacity,

@@ -13,9 +13,9 @@ from bfrt.store.making import Order
 
 #: Settings of a conversion, which files use and stores have no use for.
 READING = (
-    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "column_names",
-    "frame", "opacity", "skip_invalid", "triangulate", "polygons", "smooth", "external_storage",
-    "band", "height_scale", "curvature", "floor",
+    "dtype", "radius", "positions", "color_by", "colormap", "color_range", "color_log",
+    "column_names", "frame", "opacity", "skip_invalid", "triangulate", "polygons", "smooth",
+    "external_storage", "band", "height_scale", "curvature", "floor",
 )  # fmt: skip
 
 
@@ -63,11 +63,17 @@ def add_reading(made: argparse.ArgumentParser) -> None:
         "--color-by", metavar="NAME",
         help="numbers that a map makes colors of, or rgb for the file's own colors",
     )  # fmt: skip
-    group.add_argument("--colormap", metavar="NAME", help="cubehelix, gray, or one of matplotlib's")
     group.add_argument(
-        "--color-range", type=float, nargs=2, metavar=("LO", "HI"),
-        help="numbers of the map's ends (default: the least and the greatest, by another pass)",
+        "--colormap", metavar="NAME", help="viridis, cubehelix, gray, or one of matplotlib's"
+    )
+    group.add_argument(
+        "--color-range", type=number_or_name, nargs=2, metavar=("LO", "HI"),
+        help="numbers of the map's ends, or percentiles, as 2%% 98%% (default: the least and the "
+        "greatest, by another pass)",
     )  # fmt: skip
+    group.add_argument(
+        "--color-log", "--log", action="store_true", help="equal ratios of numbers are equal steps"
+    )
     group.add_argument(
         "--column-names", metavar="NAMES",
         help="of points of text, as x,y,z,-,radius; - for a column that is not wanted",

@@ -1,4 +1,4 @@
-"""The command ``bfrt render``: a picture of a store, or of what is converted for it."""
+"""The command ``bfrt render``: pictures of a store, or of what is converted for it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,16 @@ from bfrt.cli.options import (
     command,
     tell_checkpoints,
 )
-from bfrt.cli.view import add_view, camera_of
+from bfrt.cli.view import add_view, cameras_of, first_of, is_of_several
 from bfrt.conversion.sources import is_store
 from bfrt.errors import SettingError
+from bfrt.image.animation import check_animation
+from bfrt.image.color_bar import check_bar, check_height
+from bfrt.image.color_scale import ColorScale
+from bfrt.image.numbered import numbered
 from bfrt.image.picture import SUFFIXES, Image
+from bfrt.image.pictures import Images, Output, save_outputs
+from bfrt.image.sheet import check_sheet
 from bfrt.paths import check_apart, check_file
 from bfrt.planned import Plan
 from bfrt.records import ON_REQUEST
@@ -43,7 +49,15 @@ def add_render(commands: Any) -> None:
     )
     made.add_argument(
         "-o", "--output", action="append", default=[], metavar="FILE",
-        help="picture to write: .exr, .png or .npy; may be repeated",
+        help="picture to write: .exr, .png or .npy; may be repeated; of several views with a "
+        "place for the number, as view-{:03d}.png",
+    )  # fmt: skip
+    made.add_argument(
+        "--contact-sheet", action=Once, metavar="FILE", help="write all views side by side: .png"
+    )
+    made.add_argument(
+        "--animation", action=Once, metavar="FILE",
+        help="write all views one after another: .png, or .gif (needs Pillow)",
     )  # fmt: skip
     made.add_argument(
         "--memory", help="budget of the whole process, as 256MiB or 1GB (default: a quarter)"
@@ -71,6 +85,10 @@ def add_render(commands: Any) -> None:
         "would take; nothing is written",
     )  # fmt: skip
     made.add_argument("--half", action="store_true", help="16-bit colors in the EXR")
+    made.add_argument(
+        "--color-bar", action="store_true",
+        help="beside a PNG, the numbers that colors stand for (needs matplotlib)",
+    )  # fmt: skip
     made.add_argument("--stats", action=Once, metavar="FILE", help="write counters as JSON")
     made.add_argument("--table", action="store_true", help="print counters as a table")
     add_checkpoint(made, EVERY)
@@ -93,29 +111,83 @@ def run_render(options: argparse.Namespace) -> None:
     if options.plan:
         print(plan_asked(options))
         return
-    if not options.output:
+    if not written(options):
         raise SettingError("render: nothing to write: expected -o FILE, or --plan")
     with kept(options) as checkpoint:
         with opened(options) as scene:
+            bar = scale_of(options, scene)
             settings = settings_of(options, scene)
-            image = scene.render(
+            if bar is not None:
+                check_height(first_of(settings["camera"]).resolution[1])
+            made = scene.render(
                 progress=wants_bar(options.quiet), checkpoint=checkpoint, **settings
             )
-        write_outputs(options, image)
+        write_outputs(options, made, bar)
         if checkpoint is not None:  # not before all is written
             checkpoint.remove()
 
 
-def write_outputs(options: argparse.Namespace, image: Image) -> None:
-    """Write the picture and the counters to the files asked for."""
-    for output in options.output:
-        image.save(output, half=options.half and output.lower().endswith(".exr"))
-    assert image.stats is not None
+def written(options: argparse.Namespace) -> list[str]:
+    """Return the pictures that are asked for, of several views those of the first."""
+    if not is_of_several(options):
+        for flag in ("contact_sheet", "animation"):
+            if getattr(options, flag) is not None:
+                name = flag.replace("_", "-")
+                raise SettingError(f"--{name}: found one view, expected --turntable or --views")
+        return list(options.output)
+    whole = [options.contact_sheet, options.animation]
+    first = [numbered(output, 1)[0] for output in options.output]
+    return [*first, *(file for file in whole if file is not None)]
+
+
+def scale_of(options: argparse.Namespace, scene: Scene) -> ColorScale | None:
+    """Return what a scene's colors say, where a bar is asked for that tells it."""
+    if not options.color_bar:
+        return None
+    if len(scene.colors) != 1:
+        raise SettingError(
+            f"--color-bar: found {len(scene.colors)} ranges of numbers that {options.input} is "
+            "colored by, expected one, as convert --color-by makes it"
+        )
+    return scene.colors[0]
+
+
+def write_outputs(
+    options: argparse.Namespace, made: Image | Images, bar: ColorScale | None
+) -> None:
+    """Write the pictures and the counters to the files asked for."""
+    if isinstance(made, Images):
+        save_outputs(outputs_of(options, made, bar))
+    else:
+        for output in options.output:
+            made.save(output, **kept_in(options, output, bar))
+    assert made.stats is not None
     if options.stats is not None:
         with atomic_path(options.stats) as path, calling(options.stats, "writing"):
-            path.write_text(json.dumps(image.stats.as_dict(), indent=1) + "\n")
+            path.write_text(json.dumps(made.stats.as_dict(), indent=1) + "\n")
     if options.table:
-        print(image.stats.table())
+        print(made.stats.table())
+
+
+def kept_in(options: argparse.Namespace, output: str, bar: ColorScale | None) -> dict[str, Any]:
+    """Return what a picture of this suffix is saved with, as keywords."""
+    suffix = Path(output).suffix.lower()
+    return {
+        "half": options.half and suffix == ".exr",
+        "color_bar": bar if suffix == ".png" else None,
+    }
+
+
+def outputs_of(options: argparse.Namespace, images: Images, bar: ColorScale | None) -> list[Output]:
+    """Return the files that the pictures of several views become, which are all written or none."""
+    outputs = []
+    for pattern in options.output:
+        outputs += images.outputs(pattern, **kept_in(options, pattern, bar))
+    if options.contact_sheet is not None:
+        outputs.append(images.sheet(options.contact_sheet))
+    if options.animation is not None:
+        outputs.append(images.animation(options.animation))
+    return outputs
 
 
 @contextmanager
@@ -134,13 +206,22 @@ def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
     """Refuse before the work what could not be written after it: a suffix, channels that no output
     would keep, a file in a folder that is not there.
     """
-    outputs: list[str] = options.output
+    outputs: list[str] = written(options)
     stats = [] if options.stats is None else [options.stats]
-    for output in outputs:
+    for output in options.output:
         if Path(output).suffix.lower() not in SUFFIXES:
             raise SettingError(
                 f"{output}: found suffix {Path(output).suffix!r}, expected {', '.join(SUFFIXES)}"
             )
+    if options.contact_sheet is not None:
+        check_sheet(options.contact_sheet)
+    if options.animation is not None:
+        check_animation(options.animation)
+    if options.color_bar:
+        named = [output for output in options.output if output.lower().endswith(".png")]
+        if not named:
+            raise SettingError("--color-bar: found no -o FILE.png, expected one for it")
+        check_bar(named[0])
     if aovs and not any(output.lower().endswith(".exr") for output in outputs):
         raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
     for file in (*outputs, *stats):
@@ -165,7 +246,7 @@ def settings_of(options: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     return {
         "memory": options.memory,
         "threads": options.threads,
-        "camera": camera_of(options, scene.store),
+        "camera": cameras_of(options, scene.store),
         "samples": options.samples,
         "depth": options.depth,
         "aovs": options.aov,
@@ -191,7 +272,7 @@ def opened(options: argparse.Namespace) -> Iterator[Scene]:
                 )
         yield open_scene(options.input)
         return
-    folder = scratch_folder(options.scratch, Path(options.output[0]))
+    folder = scratch_folder(options.scratch, Path(written(options)[0]))
     name = Path(options.input.replace(":", "-")).stem or "scene"
     with temporary_folder(folder, name) as temporary:
         yield convert_input(options, temporary / f"{name}.bfrt", Wanted(durable=False))

@@ -61,6 +61,7 @@ def describe(store: Store) -> dict[str, Any]:
         "origin": list(store.origin),
         "bounds": bounds_to(store.world_bounds),
         "crs": store.crs or None,
+        "colors": [scale._asdict() for scale in store.colors] or None,
         "camera": None if camera is None else camera.__dict__,
         "lights": len(store.lights),
         "materials": len(store.materials()),

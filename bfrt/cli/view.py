@@ -1,4 +1,4 @@
-"""Options of the view, and the camera that they ask for."""
+"""Options of the view, or of several, and the cameras that they ask for."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import bfrt
+from bfrt.conversion.view_list import read_views
 from bfrt.conversion.views import read_view
 from bfrt.errors import SceneError, SettingError
-from bfrt.framing import framing_camera
+from bfrt.framing import framing_camera, turntable
 from bfrt.store.model import Camera
 from bfrt.store.store import Store
 
@@ -28,6 +29,50 @@ def add_view(made: argparse.ArgumentParser) -> None:
     made.add_argument("--at", help="what it looks at", **vector)
     made.add_argument("--up", help="which way is up", **vector)
     made.add_argument("--angle", type=float, help="degrees from bottom to top")
+    several = made.add_mutually_exclusive_group()
+    several.add_argument(
+        "--turntable", type=int, metavar="N",
+        help="N views around the scene, from this one on, which share all passes; an output has a "
+        "place for a view's number then, as view-{:03d}.png or view-%%03d.png",
+    )  # fmt: skip
+    several.add_argument(
+        "--views", metavar="FILE",
+        help="views of this file, likewise: one a line (from, at, up, angle), or NFF's v blocks",
+    )  # fmt: skip
+
+
+def is_of_several(options: argparse.Namespace) -> bool:
+    """Tell whether several views are asked for, if only one comes of it."""
+    return options.turntable is not None or options.views is not None
+
+
+def cameras_of(options: argparse.Namespace, store: Store) -> Camera | list[Camera]:
+    """Return the camera to render with, or those of several views."""
+    if options.views is not None:
+        return listed_views(options, store)
+    camera = camera_of(options, store)
+    return camera if options.turntable is None else turntable(store, options.turntable, camera)
+
+
+def first_of(cameras: Camera | list[Camera]) -> Camera:
+    """Return the camera to render with, of several the first."""
+    return cameras if isinstance(cameras, Camera) else cameras[0]
+
+
+def listed_views(options: argparse.Namespace, store: Store) -> list[Camera]:
+    """Return the views of a file, with the resolution that is asked for."""
+    for name in ("view", "eye", "at", "up", "angle"):
+        if getattr(options, name) is not None:
+            flag = "from" if name == "eye" else name
+            raise SettingError(f"--{flag}: found it with --views, expected the file to say it")
+    own = Camera.resolution if store.camera is None else store.camera.resolution
+    cameras = read_views(options.views, own)
+    if options.resolution is None:
+        return cameras
+    try:
+        return [replace(camera, resolution=tuple(options.resolution)) for camera in cameras]
+    except SceneError as error:
+        raise SettingError(str(error)) from None
 
 
 def camera_of(options: argparse.Namespace, store: Store) -> Camera:

@@ -18,15 +18,15 @@ from bfrt.image.film import Film
 from bfrt.image.film_bands import Planes, add_bands
 from bfrt.image.frame import FRAME_PART, FrameSize
 from bfrt.image.image_buffer import ImageBuffer
-from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.memory import default_memory
 from bfrt.phases.eye import count_eye_rays
 from bfrt.progress import Report
-from bfrt.rendering import band_of, describe, tell_of_bad_rays
+from bfrt.rendering import band_of, images_of, tell_of_bad_rays
 from bfrt.settings import scratch_folder
 from bfrt.stats import Stats
 from bfrt.store.store import Store
-from bfrt.view import View
+from bfrt.view import Views
 
 #: The film of a band, and the counters of its worker.
 Band = tuple[Planes, Part]
@@ -50,33 +50,33 @@ class Rendering:
     Attributes
     ----------
     work : Work
-    view : View
+    views : Views
     topic : str, optional
         Where messages go.
     """
 
     work: Work
-    view: View
+    views: Views
     topic: str | None
 
     def __call__(self, band: tuple[int, int, int]) -> Band:
         number, row, end = band
-        frame = self.view.frame._replace(band=end - row)
+        frame = self.views.frame._replace(band=end - row)
         report = TaskReport(self.topic, number)
         with self.work.begun() as (session, settings):
             with session.tracer(settings, frame) as tracer:
-                planes, stats = band_of(tracer, self.view, row, report)
+                planes, stats = band_of(tracer, self.views, row, report)
             return planes, (this_worker().name, stats)
 
 
-def render(client: Any, store: Store, view: View, asked: Asked, report: Report | None) -> Image:
-    """Render a view on the workers of a cluster, as `bfrt.render` does here.
+def render(client: Any, store: Store, views: Views, asked: Asked, report: Report | None) -> Images:
+    """Render views on the workers of a cluster, as `bfrt.render` does here.
 
     Parameters
     ----------
     client : distributed.Client
     store : Store
-    view : View
+    views : Views
     asked : Asked
     report : Report, optional
         Gets the sum over all bands.
@@ -87,16 +87,16 @@ def render(client: Any, store: Store, view: View, asked: Asked, report: Report |
         As `bfrt.render`; those of a store or a budget name the worker.
     """
     start = time.perf_counter()
-    work, frame = Work(Place.of(store), asked), view.frame
-    width, height = view.camera.resolution
-    with Watch(client, count_eye_rays(width, height, view.samples), report) as watch:
+    work, frame = Work(Place.of(store), asked), views.frame
+    width, height = frame.width, frame.height
+    with Watch(client, count_eye_rays(frame), report) as watch:
         workers = max(1, len(client.nthreads()))
         (preparing,) = watch.begin(Preparing(work, frame), [workers], "prepare")
         prepared: Prepared = watch.result(preparing)
-        task = Rendering(work.with_budget(prepared), view, watch.topic)
+        task = Rendering(work.with_budget(prepared), views, watch.topic)
         rows, starts = prepared.bands.rows, prepared.bands.starts(height)
-        film = Film(width, height, view.samples, rows, view.aovs)
-        image = ImageBuffer(width, height, scratch_of(store, view))
+        film = Film(width, height, views.samples, rows, views.aovs, views=frame.views)
+        image = ImageBuffer(width, height, scratch_of(store, views), frame.views)
         parts = [prepared.part]
         bands = [(n, *ends) for n, ends in enumerate(itertools.pairwise(starts))]
         for (number, row, end), errand in zip(bands, watch.begin(task, bands, "band"), strict=True):
@@ -108,12 +108,12 @@ def render(client: Any, store: Store, view: View, asked: Asked, report: Report |
     stats.settings = dict(part[1].settings)
     stats.total.seconds = time.perf_counter() - start
     tell_of_bad_rays(stats)
-    return Image(image.channels(), describe(store, view), stats)
+    return images_of(image, store, views, stats)
 
 
-def scratch_of(store: Store, view: View) -> Any:
-    """Return the client's folder for a picture that its memory has no room for; else None."""
-    if view.frame.whole_bytes <= FRAME_PART * default_memory():
+def scratch_of(store: Store, views: Views) -> Any:
+    """Return the client's folder for pictures that its memory has no room for; else None."""
+    if views.frame.whole_bytes <= FRAME_PART * default_memory():
         return None
     return scratch_folder(None, store.path)
 

@@ -133,7 +133,7 @@ def bands_of(frame: FrameSize, most: int, rays: int, workers: int) -> Bands:
     rays : int
         Rays that fit in memory at once.
     """
-    times = math.ceil(count_eye_rays(frame.width, frame.height, frame.samples) / rays)
+    times = math.ceil(count_eye_rays(frame) / rays)
     fewest = FEWEST_BANDS * workers if workers > 1 else 1
     bands = max(fewest, min(MOST_BANDS * workers, times))
     if bands == 1 and frame.height <= most:

@@ -39,7 +39,8 @@ def convert(
     positions: str | None = None,
     color_by: str | None = None,
     colormap: str | None = None,
-    color_range: tuple[float, float] | None = None,
+    color_range: tuple[float | str, float | str] | None = None,
+    color_log: bool = False,
     column_names: str | None = None,
     frame: int | None = None,
     opacity: float | None = None,
@@ -105,10 +106,14 @@ def convert(
         Name of the column or array of numbers that a color map turns into colors; "rgb" for the
         file's own colors, which are rounded to 65,536. A face has the mean of its vertices.
     colormap : str, optional
-        The map: "cubehelix", the default, or "gray"; with matplotlib any of its maps.
-    color_range : (float, float), optional
-        The numbers that get the map's first and last color. By default the least and the greatest
-        number, which costs a pass over the file.
+        The map: "viridis", the default, "cubehelix" or "gray"; with matplotlib any of its maps.
+    color_range : (float or str, float or str), optional
+        The numbers that get the map's first and last color, or percentiles of all numbers, as
+        ``("2%", "98%")``: the least number that so many are not above. By default the least and the
+        greatest number, which costs a pass over the file; percentiles cost up to four.
+    color_log : bool
+        Make equal ratios of numbers equal steps of the map; numbers of 0 and below are gray, as
+        what is no number.
     column_names : str, optional
         Names for the columns of points of text, parted by commas or blanks, in place of what the
         file has; "-" for a column that is not wanted.
@@ -204,6 +209,7 @@ def convert(
         color_by=color_by,
         colormap=colormap,
         color_range=color_range,
+        color_log=color_log,
         column_names=column_names,
         frame=frame,
         opacity=opacity,

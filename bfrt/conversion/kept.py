@@ -31,6 +31,7 @@ from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.conversion.kept_files import hold_to_state, removed
 from bfrt.errors import SettingError
 from bfrt.formats.reading import Uses
+from bfrt.image.color_scale import ColorScale
 from bfrt.paths import HEADER, facts_at, is_marked
 from bfrt.refusals import calling
 from bfrt.scene import PathLike, SceneWriter
@@ -333,3 +334,5 @@ def restore_view(writer: SceneWriter, facts: Facts) -> None:
     writer.background(facts["background"])
     if "crs" in facts:
         writer.crs(facts["crs"])
+    for scale in facts.get("colors", ()):
+        writer.color_scale(ColorScale(**scale))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.image.color_scale import ColorScale
 from bfrt.records import Kind
 from bfrt.scene import SceneWriter
 from bfrt.store.model import Camera, Light, Vector
@@ -43,6 +44,9 @@ class GroupSink:
     def place(self, origin: Vector, crs: str) -> None:
         self._writer.place(origin, crs)
 
+    def color_scale(self, scale: ColorScale) -> None:
+        self._writer.color_scale(scale)
+
     def light(self, light: Light) -> None:
         if self._group == 0:
             self._writer.light(light)
@@ -67,6 +71,7 @@ class Behind:
         self.camera = sink.camera
         self.light = sink.light
         self.place = sink.place
+        self.color_scale = sink.color_scale
         self.background = sink.background
         self.material = sink.material
 

@@ -22,6 +22,9 @@ class _View:
     def place(self, origin: object, crs: str) -> None:
         """Ignore where objects are: a view has none."""
 
+    def color_scale(self, scale: object) -> None:
+        """Ignore what colors say: a view has none."""
+
     def light(self, light: object) -> None:
         """Ignore a light: a view has none."""
 

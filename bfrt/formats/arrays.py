@@ -89,7 +89,7 @@ def write_triangles(arrays: Arrays, key: str, writer: ObjectWriter) -> None:
         raise wrong(triangles, "(n, 3, 3) or (n, 9)")
     column = painting(arrays, reading, writer.name, key, triangles.shape[0])
     if column is not None:
-        writer.paint_by(numbers(column))
+        writer.paint_by(lambda: numbers(column))
     dtype = floats(triangles)
     for block, values in together(triangles, column):
         writer.triangles(cast(block.reshape(len(block), 9), dtype), values)

@@ -133,7 +133,7 @@ def write_mesh(mesh: Mesh, writer: ObjectWriter) -> None:
         told = "%s: normals are there and not used: smooth=True (--smooth) shades by them"
         log.info(told, mesh.name)
     if mesh.painted:
-        writer.paint_by(mesh.numbers())
+        writer.paint_by(mesh.numbers)
     for corners, normals, faces in with_normals(mesh, reading):
         values = faces.values
         if values is None and mesh.painted:

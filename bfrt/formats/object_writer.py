@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,8 +11,10 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError
 from bfrt.formats.casting import cast
 from bfrt.formats.colors import Painter
+from bfrt.formats.ranges import Blocks
 from bfrt.formats.reading import Reading
 from bfrt.formats.triangulation import Triangulation
+from bfrt.image.color_scale import ColorScale
 from bfrt.records import Kind
 from bfrt.store.model import Camera, Light, Material, Vector
 
@@ -49,6 +50,9 @@ class SceneSink(Protocol):
         crs : str
             The reference system of coordinates, empty for none.
         """
+
+    def color_scale(self, scale: ColorScale, /) -> object:
+        """Take what the colors of a file's objects say, before the first; not called for others."""
 
     def material(self, material: Material, /) -> int:
         """Return the palette index of a material, the same for the same material."""
@@ -113,15 +117,18 @@ class ObjectWriter:
         self._plain: int | None = None
         self._painter: Painter | None = None
 
-    def paint_by(self, numbers: Iterable[NDArray[Any]]) -> None:
+    def paint_by(self, numbers: Blocks) -> None:
         """Have objects painted by the values they come with: numbers (n,) or colors (n, 3).
 
         Parameters
         ----------
-        numbers : iterable of ndarray
-            All of them, to find their range; not looked at where that is given, or for colors.
+        numbers : callable
+            Yields all of them, block by block, as often as it is called, to find their range; not
+            called where that is given, or for colors.
         """
         self._painter = Painter(self.sink, self.reading, numbers, self.name)
+        if self._painter.scale is not None:
+            self.sink.color_scale(self._painter.scale)
 
     def spheres(
         self,

@@ -70,7 +70,7 @@ def write_points(points: Points, writer: ObjectWriter) -> None:
         If neither the setting nor the file has a radius.
     """
     if points.painted:
-        writer.paint_by(points.numbers())
+        writer.paint_by(points.numbers)
     radius = the_one_radius(points, writer.reading)
     for centers, radii, values in points.blocks():
         if radii is None:

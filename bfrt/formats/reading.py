@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from fractions import Fraction
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bfrt.errors import SettingError
 
@@ -19,11 +20,14 @@ AUTO = "auto"
 #: What parts a type from its radius, and types.
 OF_TYPE, TYPES = "=", ","
 
+#: What is behind a percentile.
+PERCENT = "%"
+
 #: The columns that such colors are in, of formats that have columns.
 COLORS = ("red", "green", "blue")
 
 #: Settings that whatever may be painted knows, and those of points.
-PAINTED = ("color_by", "colormap", "color_range", "skip_invalid")
+PAINTED = ("color_by", "colormap", "color_range", "color_log", "skip_invalid")
 POINTS = ("radius", *PAINTED)
 
 #: Those of rasters.
@@ -62,6 +66,25 @@ class Uses:
         return ", ".join(self.names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
+class End(NamedTuple):
+    """Says where a map's range ends: at a number, or at a rank of all numbers, as part of them."""
+
+    number: float
+    rank: Fraction | None = None
+
+    @classmethod
+    def of(cls, asked: float | str) -> End:
+        """Return the end that a caller asks for: a number, or a percentile, as "2%"."""
+        if isinstance(asked, str) and asked.rstrip().endswith(PERCENT):
+            return cls(0.0, Fraction(asked.rstrip().removesuffix(PERCENT)) / 100)
+        return cls(float(asked))
+
+    @property
+    def sound(self) -> bool:
+        """Tell whether it is one: a finite number, or a rank from 0 to 1."""
+        return math.isfinite(self.number) if self.rank is None else 0 <= self.rank <= 1
+
+
 @dataclass(frozen=True)
 class Reading:
     """Holds the settings of a conversion that some formats use.
@@ -76,10 +99,12 @@ class Reading:
     color_by : str, optional
         Name of a column whose numbers a map makes colors of, or "rgb" for a file's own colors.
     colormap : str, optional
-        The map: "cubehelix" or "gray", or the name of one of matplotlib's.
-    color_range : (float, float), optional
-        The numbers that get the map's first and last color; by default the column's least and
-        greatest, which costs a pass over it.
+        The map: "viridis" (the default), "cubehelix" or "gray", or the name of one of matplotlib's.
+    color_range : (float or str, float or str), optional
+        The numbers that get the map's first and last color, or percentiles, as "2%"; by default the
+        column's least and greatest, which costs a pass over it, and a percentile up to four.
+    color_log : bool
+        Make equal ratios of numbers equal steps of the map; those of 0 and below have no color.
     column_names : str, optional
         Names for the columns of points of text, parted by commas or blanks; - for one of none.
     frame : int, optional
@@ -122,7 +147,8 @@ class Reading:
     positions: str | None = None
     color_by: str | None = None
     colormap: str | None = None
-    color_range: tuple[float, float] | None = None
+    color_range: tuple[float | str, float | str] | None = None
+    color_log: bool = False
     column_names: str | None = None
     frame: int | None = None
     opacity: float | None = None
@@ -155,17 +181,7 @@ class Reading:
         check_number("floor", self.floor)
         if self.height_scale == 0:
             raise SettingError("height_scale: found 0, expected a number that leaves heights")
-        if self.color_range is None:
-            return
-        try:
-            lo, hi = map(float, self.color_range)
-        except (TypeError, ValueError):
-            lo = hi = math.nan
-        if not -math.inf < lo <= hi < math.inf:
-            raise SettingError(
-                f"color_range: found {self.color_range!r}, expected two finite numbers, "
-                "the lesser first"
-            )
+        _ = self.ends
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -175,9 +191,34 @@ class Reading:
         for name in ("radius", "height_scale", "curvature", "floor"):
             if isinstance(settings[name], Real):
                 settings[name] = float(settings[name])
-        if self.color_range is not None:
-            settings["color_range"] = [float(end) for end in self.color_range]
+        if self.ends is not None:
+            settings["color_range"] = [
+                end.number if end.rank is None else str(end.rank) for end in self.ends
+            ]
         return settings
+
+    @property
+    def ends(self) -> tuple[End, End] | None:
+        """Return the ends of the map's range, if one is asked for.
+
+        Raises
+        ------
+        SettingError
+            If they are no numbers or percentiles, or not in order as far as that is known.
+        """
+        if self.color_range is None:
+            return None
+        try:
+            lo, hi = map(End.of, self.color_range)
+        except (TypeError, ValueError):
+            lo = hi = End(math.nan)
+        alike = (lo.rank is None) == (hi.rank is None)
+        if not lo.sound or not hi.sound or (alike and lo > hi):
+            raise SettingError(
+                f"color_range: found {self.color_range!r}, expected two finite numbers, or "
+                "percentiles as 2%, the lesser first"
+            )
+        return lo, hi
 
     @property
     def radius_column(self) -> str | None:
@@ -231,9 +272,10 @@ class Reading:
                     f"{self.uses}: found {each.name}={asked!r}, expected none for {kind} of this "
                     "content"
                 )
-        if self.color_by is None and (self.colormap is not None or self.color_range is not None):
+        mapped = self.colormap is not None or self.color_range is not None or self.color_log
+        if self.color_by is None and mapped:
             raise SettingError(
-                "colormap, color_range: found without color_by, expected with it only"
+                "colormap, color_range, color_log: found without color_by, expected with it only"
             )
 
 

@@ -18,6 +18,7 @@ cdef class Film:
     cdef readonly int held          # image rows in memory at a time
     cdef readonly tuple shape
     cdef readonly int samples
+    cdef readonly int views         # that lie side by side
     cdef readonly bint corners
 
 

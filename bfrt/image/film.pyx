@@ -6,6 +6,12 @@ rays finish; averages are taken from the integers, and only then floats appear.
 
 A frame that memory does not hold is rendered in bands of rows, of which the film holds one. Two
 bands share the corners between them: their sums go on to the next one.
+
+Several views of one size lie side by side, so that a row of the film is that row of all of them::
+
+    row 0:  view 0, view 1, ...     row 1:  view 0, view 1, ...
+
+Each has the corners at both of its sides for itself.
 """
 
 cimport cython
@@ -25,7 +31,7 @@ cdef class Film:
     Parameters
     ----------
     width, height : int
-        The size of the image, pixels.
+        The size of the image of a view, pixels.
     samples : int
         A pixel; 0 means SPD's procedure: one at each corner.
     held : int, optional
@@ -34,12 +40,17 @@ cdef class Film:
         Which of `records.ON_REQUEST` are kept too.
     numbers : (elements,) uint32, optional
         Of a film of some elements of a frame, their numbers there.
+    views : int
+        Views that lie side by side.
     """
 
-    def __cinit__(self, int width, int height, int samples, held=None, aovs=(), numbers=None):
+    def __cinit__(
+        self, int width, int height, int samples, held=None, aovs=(), numbers=None, int views=1
+    ):
         self.corners = samples == 0
         self.samples = max(samples, 1)
-        self.shape = (height + self.corners, width + self.corners)
+        self.views = views
+        self.shape = (height + self.corners, views * <int64_t>(width + self.corners))
         self.held = height if held is None else min(held, height)
         elements = (self.held + self.corners) * self.shape[1]
         self.sums = np.zeros((elements, 4), np.int64)
@@ -93,18 +104,18 @@ cdef class Film:
         self.row = row
         self.first = row * <int64_t>self.shape[1]
 
-    def rows(self, int first, int last):
-        """Return the channels of image rows [first, last) of this band: a dict of (rows, width).
+    def rows(self, int first, int last, int view=0):
+        """Return channels of rows [first, last) of a view in this band: a dict of (rows, width).
 
         R G B A are float32 averages. Z, N and ids, and P and albedo where they are asked for, are
         those of sample 0 (the upper left corner in SPD's procedure) and never averaged; a miss has
         Z = inf, N = 0, id = 2^64 - 1, P = inf in all three, and albedo = 0.
         """
-        width = self.shape[1] - self.corners
-        held = (self.held + self.corners, self.shape[1])
+        width = self.shape[1] // self.views - self.corners
+        held = (self.held + self.corners, self.views, width + self.corners)
         first, last = first - self.row, last - self.row
-        sums = np.asarray(self.sums).reshape(*held, 4)
-        ids = np.asarray(self.ids).reshape(held)[first:last, :width]
+        sums = np.asarray(self.sums).reshape(*held, 4)[:, view]
+        ids = np.asarray(self.ids).reshape(held)[first:last, view, :width]
         # Four corners of sums below 2^63 would overflow an integer sum; a quarter of each, in
         # float64, is exact up to 2^53 and rounds once beyond, in one order.
         if self.corners:
@@ -121,7 +132,7 @@ cdef class Film:
             (("albedo.R", "albedo.G", "albedo.B"), self.albedos),
         ):
             if plane.shape[0]:
-                seen = np.asarray(plane).reshape(*held, len(names))[first:last, :width]
+                seen = np.asarray(plane).reshape(*held, len(names))[first:last, view, :width]
                 channels |= {name: seen[:, :, k] for k, name in enumerate(names)}
         channels["id.lo"] = ids.astype(np.uint32)
         channels["id.hi"] = (ids >> np.uint64(32)).astype(np.uint32)

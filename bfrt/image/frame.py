@@ -21,20 +21,26 @@ EXR_COPIES = 3
 FRAME_PART = 0.5
 BAND_PART = 0.15
 
+#: The part of a band of several views: many rows of few views would see as much of the scene.
+VIEWS_PART = 0.3
+
 
 class FrameSize(NamedTuple):
-    """Holds a frame's size: pixels, samples of each, and channels on request.
+    """Holds a frame's size: pixels, samples of each, channels on request, and views.
+
+    Several views of one size lie side by side: a row of the frame is that row of all of them.
 
     Attributes
     ----------
     width, height : int
-        Pixels; a width of 0 is no frame, but rays that somebody asks about.
+        Pixels of a view; a width of 0 is no frame, but rays that somebody asks about.
     samples : int
         A pixel; 0 puts one at each pixel corner.
     aovs : tuple of str
         Which of `records.ON_REQUEST` it has.
     band : int
         Rows of each band, where a render that goes on has begun with them; 0 lets memory choose.
+    views : int
     """
 
     width: int = 0
@@ -42,6 +48,17 @@ class FrameSize(NamedTuple):
     samples: int = 1
     aovs: tuple[str, ...] = ()
     band: int = 0
+    views: int = 1
+
+    @property
+    def across(self) -> int:
+        """Return the film elements of a row: pixels of all views, or their corners."""
+        return self.views * (self.width + (self.samples == 0))
+
+    @property
+    def elements(self) -> int:
+        """Return the film elements of the whole frame."""
+        return self.across * (self.height + (self.samples == 0))
 
     @property
     def extra(self) -> int:
@@ -50,19 +67,18 @@ class FrameSize(NamedTuple):
 
     @property
     def image_bytes(self) -> int:
-        """Return the bytes of the finished image, in memory or on disk."""
-        return self.width * self.height * (PIXEL_BYTES + self.extra)
+        """Return the bytes of the finished images, in memory or on disk."""
+        return self.views * self.width * self.height * (PIXEL_BYTES + self.extra)
 
     @property
     def written_bytes(self) -> int:
-        """Return the bytes that a writer of the image takes, when there is no film any more."""
+        """Return the bytes that a writer of an image takes, when there is no film any more."""
         return EXR_ROWS * EXR_COPIES * self.width * (PIXEL_BYTES + self.extra) + IMAGE_BAND
 
     def band_bytes(self, rows: int) -> int:
         """Return the bytes of the film of a band of rows, while the image is on disk."""
         corners = self.samples == 0
-        elements = (self.width + corners) * (rows + corners)
-        return elements * (FILM_BYTES + AOV_BYTES + self.extra) + IMAGE_BAND
+        return self.across * (rows + corners) * (FILM_BYTES + AOV_BYTES + self.extra) + IMAGE_BAND
 
     @property
     def whole_bytes(self) -> int:
@@ -97,7 +113,10 @@ def held_frame(frame: FrameSize, room: int, fewest: int) -> HeldFrame:
         return HeldFrame(frame.band, frame.band_bytes(frame.band), on_disk=True)
     first = frame.band_bytes(1)
     row = frame.band_bytes(2) - first
-    fits = int((room * BAND_PART - first) / row) + 1
-    rows = min(frame.height, max(fits, -(-fewest // frame.width)))
+    part = BAND_PART if frame.views == 1 else VIEWS_PART
+    fits = int((room * part - first) / row) + 1
+    rows = min(frame.height, max(fits, -(-fewest // (frame.views * frame.width))))
+    if frame.views > 1:  # bands alike: what the last one would leave free is for rays
+        rows = -(-frame.height // -(-frame.height // rows))
     taken = max(frame.band_bytes(rows), frame.written_bytes)
     return HeldFrame(rows, taken, on_disk=True)

@@ -27,32 +27,40 @@ FILM_BAND = 1 << 20
 
 
 class ImageBuffer:
-    """Collects a picture from its first row to its last.
+    """Collects pictures of one size, each from its first row to its last.
+
+    They are held one below the other, whatever order their rows come in.
 
     Parameters
     ----------
     width, height : int
-        Pixels.
+        Pixels of a picture.
     scratch : Path, optional
         A folder, for a picture that memory has no room for: it is a file there that has no name,
         so that nothing is left of it when the picture is forgotten. By default it is in memory.
+    views : int
+        Pictures.
     """
 
-    def __init__(self, width: int, height: int, scratch: Path | None = None) -> None:
-        self._shape = (height, width)
+    def __init__(
+        self, width: int, height: int, scratch: Path | None = None, views: int = 1
+    ) -> None:
+        self._height = height
+        self._shape = (views * height, width)
         self._scratch = scratch
         self._path = (scratch or Path()) / "image"  # by which errors name what has no name
-        self._row = 0
+        self._rows = [0] * views
         self._channels: Channels = {}
         self._types: dict[str, np.dtype[Any]] = {}
         self._file: io.FileIO | None = None
 
-    def add(self, band: Channels) -> None:
-        """Add the next rows: an array (rows, width) of each channel."""
+    def add(self, band: Channels, view: int = 0) -> None:
+        """Add the next rows of a picture: an array (rows, width) of each channel."""
         self._types = {name: rows.dtype for name, rows in band.items()}
+        row = view * self._height + self._rows[view]
         for name, rows in band.items():
-            self._put(name, self._row * self._shape[1], rows)
-        self._row += len(next(iter(band.values())))
+            self._put(name, row * self._shape[1], rows)
+        self._rows[view] += len(next(iter(band.values())))
 
     def _put(self, name: str, first: int, pixels: npt.NDArray[Any]) -> None:
         """Put pixels of a channel, from number `first` on, to where they are held."""
@@ -79,19 +87,21 @@ class ImageBuffer:
     @property
     def bytes(self) -> int:
         """Return the bytes of the rows so far: those that are complete."""
-        return self._row * self._shape[1] * 4 * len(self._types)
+        return sum(self._rows) * self._shape[1] * 4 * len(self._types)
 
     def types(self) -> dict[str, np.dtype[Any]]:
         """Return the dtypes of the channels, once there are rows."""
         return self._types
 
     def complete(self, name: str) -> Iterator[npt.NDArray[Any]]:
-        """Yield the pixels so far of a channel, row by row, some at a time."""
-        left, done = self._row * self._shape[1], 0
-        while done < left:
-            some = min(left - done, LOOKED_AT_BYTES // 4)
-            yield self._get(name, done, some)
-            done += some
+        """Yield the pixels so far of a channel, picture by picture, some at a time."""
+        for view, rows in enumerate(self._rows):
+            at = view * self._height * self._shape[1]
+            end = at + rows * self._shape[1]
+            while at < end:
+                some = min(end - at, LOOKED_AT_BYTES // 4)
+                yield self._get(name, at, some)
+                at += some
 
     def _get(self, name: str, first: int, count: int) -> npt.NDArray[Any]:
         if self._scratch is None:
@@ -106,19 +116,30 @@ class ImageBuffer:
             view, at = view[got:], at + got
         return pixels
 
-    def restore(self, types: dict[str, np.dtype[Any]], channels: dict[str, Pixels]) -> None:
-        """Begin with the rows that channels have, whose pixels come some at a time."""
+    def restore(
+        self, types: dict[str, np.dtype[Any]], channels: dict[str, Pixels], rows: int
+    ) -> None:
+        """Begin with so many rows of each picture, whose pixels come as `complete` yields them."""
         self._types = types
-        done = 0
+        each, apart = rows * self._shape[1], self._height * self._shape[1]
         for name, blocks in channels.items():
             done = 0
             for pixels in blocks:
-                self._put(name, done, pixels)
-                done += len(pixels)
-        self._row = done // self._shape[1]
+                at = 0
+                while at < len(pixels):  # a block may end one picture and begin the next
+                    view, inside = divmod(done, each)
+                    some = pixels[at : at + each - inside]
+                    self._put(name, view * apart + inside, some)
+                    at, done = at + len(some), done + len(some)
+        self._rows = [rows] * len(self._rows)
+
+    @property
+    def pixels(self) -> int:
+        """Return the pixels of a row of all pictures."""
+        return len(self._rows) * self._shape[1]
 
     def channels(self) -> Channels:
-        """Return the finished picture; arrays on disk are read on demand.
+        """Return the finished pictures, one below the other; arrays on disk are read on demand.
 
         Afterwards those alone hold what is on disk.
         """
@@ -133,6 +154,14 @@ class ImageBuffer:
                 }
         finally:
             self.close()
+
+    def each(self) -> list[Channels]:
+        """Return the channels of each finished picture, parts of the arrays of `channels`."""
+        whole, height = self.channels(), self._height
+        return [
+            {name: pixels[first : first + height] for name, pixels in whole.items()}
+            for first in range(0, self._shape[0], height)
+        ]
 
     def close(self) -> None:
         """Free the disk, unless arrays hold it."""
@@ -151,10 +180,11 @@ def expect(pixels: npt.NDArray[Any], rows: slice) -> None:
 
 
 def resolve(film: Film, buffer: ImageBuffer) -> None:
-    """Add the rows that the film holds to the image, a few at a time."""
-    rows = max(1, FILM_BAND // (film.shape[1] * 64))
-    for first in range(film.row, film.end, rows):
-        buffer.add(film.rows(first, min(first + rows, film.end)))
+    """Add the rows that the film holds to the images, a few at a time."""
+    rows = max(1, FILM_BAND // (film.shape[1] // film.views * 64))
+    for view in range(film.views):
+        for first in range(film.row, film.end, rows):
+            buffer.add(film.rows(first, min(first + rows, film.end), view), view)
 
 
 def forget(pixels: npt.NDArray[Any]) -> None:

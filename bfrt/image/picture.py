@@ -12,9 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from bfrt.errors import SettingError
+from bfrt.image.color_bar import bar_of, beside, check_bar
+from bfrt.image.color_scale import ColorScale
 from bfrt.image.exr import write_exr
 from bfrt.image.image_buffer import expect, forget
-from bfrt.image.png import encode_png, write_png
+from bfrt.image.png import encode_png, encode_srgb, write_png
 from bfrt.masks import is_masked
 from bfrt.paths import check_outside, path_of, without_links
 from bfrt.refusals import in_memory
@@ -105,7 +107,13 @@ class Image:
             raise ValueError("image: an array of it is always a copy, found copy=False")
         return self.rgba.astype(np.float32 if dtype is None else dtype, copy=False)
 
-    def save(self, path: str | os.PathLike[str], *, half: bool = False) -> None:
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        half: bool = False,
+        color_bar: ColorScale | None = None,
+    ) -> None:
         """Write the picture to a file, whole or not at all.
 
         Parameters
@@ -115,56 +123,131 @@ class Image:
             ``.png`` is clipped 8-bit sRGB without alpha, ``.npy`` is `rgba`.
         half : bool
             Store color and alpha in 16 bits, clamped to +-65504; only for ``.exr``.
+        color_bar : ColorScale, optional
+            Put a bar at the right that tells which numbers colors stand for, as `Scene.colors` has
+            them; only for ``.png``. It needs matplotlib (``bfrt[colormaps]``).
 
         Raises
         ------
         SettingError
-            If the suffix is another, `half` is given for another format than ``.exr``, or the
-            file would be in a scene store.
+            If the suffix is another, `half` is given for another format than ``.exr`` or
+            `color_bar` than ``.png``, matplotlib is needed and missing, or the file would be in a
+            scene store.
         DiskFullError, StreamError
             If the system refuses a write; nothing half-written is left.
         """
-        file = path_of("image", path)
-        suffix = file.suffix.lower()
-        if suffix not in SUFFIXES:
-            raise SettingError(
-                f"{path}: found suffix {suffix!r}, expected one of {', '.join(SUFFIXES)}"
-            )
-        if half and suffix != ".exr":
-            raise SettingError(f"{path}: found half=True for {suffix}, expected it only for .exr")
+        file, suffix = path_of("image", path), check_suffix(path, half=half)
         check_outside(str(file), without_links(file).parent)
+        if color_bar is not None:
+            self._save_with_bar(path, suffix, color_bar)
+            return
         with in_memory(f"{path}: saving"):
             if suffix == ".exr":
-                write_exr(path, self.width, self.height, self._bands(), self.metadata, half=half)
+                write_exr(path, self.width, self.height, self.bands(), self.metadata, half=half)
             elif suffix == ".png":
-                write_png(path, self.width, self.height, self._bands())
+                write_png(path, self.width, self.height, self.bands())
             else:
                 self._write_npy(path)
+
+    def _save_with_bar(
+        self, path: str | os.PathLike[str], suffix: str, color_bar: ColorScale
+    ) -> None:
+        if suffix != ".png":
+            raise SettingError(f"{path}: found color_bar for {suffix}, expected it only for .png")
+        check_bar(path)
+        with in_memory(f"{path}: saving"):
+            bar = bar_of(color_bar, self.height)
+            width = self.width + bar.shape[1]
+            write_png(path, width, self.height, beside(self.bands(), bar))
 
     def _write_npy(self, path: str | os.PathLike[str]) -> None:
         layout = {"descr": "<f4", "fortran_order": False, "shape": (*self.shape, 4)}
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, layout)
-        stacked = (np.stack([band[name] for name in "RGBA"], axis=-1) for band in self._bands())
+        stacked = (np.stack([band[name] for name in "RGBA"], axis=-1) for band in self.bands())
         rows = (pixels.astype("<f4", copy=False).tobytes() for pixels in stacked)
         write_parts(path, itertools.chain([header.getvalue()], rows))
 
-    def _bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
+    def bands(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
         """Yield the channels by bands of rows, so that saving takes a copy of a band only."""
         step = max(1, BAND_BYTES // (4 * self.width * len(self.channels)))
         for row in range(0, self.height, step):
-            for pixels in self.channels.values():
-                expect(pixels, slice(row, row + step))
-            yield {name: pixels[row : row + step] for name, pixels in self.channels.items()}
-            for pixels in self.channels.values():
-                forget(pixels)
+            yield self.band(row, row + step)
+            self.let_go()
+
+    def band(self, first: int, last: int) -> dict[str, npt.NDArray[Any]]:
+        """Return rows [first, last) of the channels, which the system reads at once."""
+        for pixels in self.channels.values():
+            expect(pixels, slice(first, last))
+        return {name: pixels[first:last] for name, pixels in self.channels.items()}
+
+    def let_go(self) -> None:
+        """Release the memory of what was read of channels on disk."""
+        for pixels in self.channels.values():
+            forget(pixels)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Show the picture by matplotlib, as its PNG shows it.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where it is shown; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        SettingError
+            If matplotlib is not installed.
+        """
+        try:
+            from matplotlib import pyplot
+        except ImportError:
+            raise SettingError(
+                "image: a plot needs matplotlib: pip install bfrt[colormaps]"
+            ) from None
+        axes = pyplot.subplots()[1] if axes is None else axes
+        axes.imshow(self.srgb(), interpolation="none")
+        axes.set_axis_off()
+        return axes
+
+    def srgb(self) -> npt.NDArray[np.uint8]:
+        """Return the codes that a PNG has, sRGB, a new array of shape (height, width, 3)."""
+        codes = np.empty((*self.shape, 3), np.uint8)
+        row = 0
+        for band in self.bands():
+            some = np.stack([encode_srgb(band[name]) for name in "RGB"], axis=-1)
+            codes[row : row + len(some)] = some
+            row += len(some)
+        return codes
 
     def _repr_png_(self) -> bytes:
-        return b"".join(encode_png(self.width, self.height, self._bands()))
+        return b"".join(encode_png(self.width, self.height, self.bands()))
 
     def __repr__(self) -> str:
         metadata = "".join(f", {key}={text!r}" for key, text in self.metadata.items())
         return f"<bfrt.Image {self.width} x {self.height}, {' '.join(self.channels)}{metadata}>"
+
+
+def check_suffix(path: str | os.PathLike[str], *, half: bool = False) -> str:
+    """Return the suffix of a picture's file, in small letters.
+
+    Raises
+    ------
+    SettingError
+        If it is none of `SUFFIXES`, or not ``.exr`` where `half` is asked for.
+    """
+    suffix = path_of("image", path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise SettingError(
+            f"{path}: found suffix {suffix!r}, expected one of {', '.join(SUFFIXES)}"
+        )
+    if half and suffix != ".exr":
+        raise SettingError(f"{path}: found half=True for {suffix}, expected it only for .exr")
+    return suffix
 
 
 def _check_channels(channels: Mapping[str, npt.NDArray[Any]]) -> None:

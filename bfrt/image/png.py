@@ -79,26 +79,38 @@ def encode_png(
 ) -> Iterator[bytes]:
     """Yield the bytes of a PNG file; they do not depend on how many rows come at once."""
     yield SIGNATURE
+    yield from header(width, height)
+    for data in pieces(deflated(scanlines(width, height, rows))):
+        yield chunk(b"IDAT", data)
+    yield chunk(b"IEND", b"")
+
+
+def header(width: int, height: int) -> Iterator[bytes]:
+    """Yield the chunks before the pixels."""
     # 8 bits, color type 2 (RGB), then deflate, the five standard filters, not interlaced.
-    yield _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
-    yield _chunk(b"sRGB", bytes([PERCEPTUAL]))
+    yield chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+    yield chunk(b"sRGB", bytes([PERCEPTUAL]))
+
+
+def pieces(parts: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield the same bytes, `CHUNK_BYTES` at a time."""
     waiting = bytearray()
-    for piece in _deflated(_scanlines(width, height, rows)):
-        waiting += piece
+    for part in parts:
+        waiting += part
         while len(waiting) >= CHUNK_BYTES:
-            yield _chunk(b"IDAT", bytes(waiting[:CHUNK_BYTES]))
+            yield bytes(waiting[:CHUNK_BYTES])
             del waiting[:CHUNK_BYTES]
     if waiting:
-        yield _chunk(b"IDAT", bytes(waiting))
-    yield _chunk(b"IEND", b"")
+        yield bytes(waiting)
 
 
-def _chunk(name: bytes, data: bytes) -> bytes:
+def chunk(name: bytes, data: bytes) -> bytes:
+    """Return a chunk of a PNG file."""
     check = zlib.crc32(data, zlib.crc32(name))
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", check)
 
 
-def _deflated(lines: Iterable[bytes]) -> Iterator[bytes]:
+def deflated(lines: Iterable[bytes]) -> Iterator[bytes]:
     """Compress line by line, so that the bytes cannot depend on the bands."""
     compressor = zlib.compressobj(DEFLATE_LEVEL)
     for line in lines:
@@ -106,7 +118,7 @@ def _deflated(lines: Iterable[bytes]) -> Iterator[bytes]:
     yield compressor.flush()
 
 
-def _pieces(
+def _some_rows(
     width: int, rows: Iterable[Mapping[str, npt.NDArray[Any]]]
 ) -> Iterator[Mapping[str, npt.NDArray[Any]]]:
     """Yield the colors of bands, a few rows at a time: codes take ten times what they are of."""
@@ -116,12 +128,12 @@ def _pieces(
             yield {name: band[name][first : first + step] for name in "RGB"}
 
 
-def _scanlines(
+def scanlines(
     width: int, height: int, rows: Iterable[Mapping[str, npt.NDArray[Any]]]
 ) -> Iterator[bytes]:
     """Yield filtered scanlines: each byte less the same color's one to the left."""
     row = 0
-    for band in _pieces(width, rows):
+    for band in _some_rows(width, rows):
         pixels = encode_srgb(np.stack([band[name] for name in "RGB"], axis=-1))
         if pixels.ndim != 3 or pixels.shape[1] != width or row + len(pixels) > height:
             raise SettingError(

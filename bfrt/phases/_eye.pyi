@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 class EyeRayGenerator:
     def __init__(
         self,
-        view: NDArray[np.float64],
+        views: NDArray[np.float64],
         width: int,
         height: int,
         samples: int,

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bfrt.image.film import Film
 from bfrt.phases.lighting import Lighting
+from bfrt.phases.viewpoints import Viewpoints
 from bfrt.scan.scan import StreamScan
 
 GATHERED: int
@@ -17,7 +18,7 @@ class Shader:
         self,
         palette: NDArray[Any],
         lighting: Lighting,
-        eye: ArrayLike,
+        viewpoints: Viewpoints,
         origin: ArrayLike,
         film: Film,
     ) -> None: ...

@@ -82,19 +82,20 @@ cdef class Shader:
     ----------
     palette : (materials,) records.MATERIAL
     lighting : bfrt.phases.lighting.Lighting
-    eye : (3,) float64
-        Where Z is measured from, relative to the store's origin.
+    viewpoints : bfrt.phases.viewpoints.Viewpoints
+        Where Z is measured from, and the view of each element of the film.
     origin : (3,) float64
         The store's, in world coordinates: those of P.
     film : Film
     """
 
     cdef const Material[::1] palette
-    cdef const double[:, ::1] lights
+    cdef const double[:, :, ::1] lights
     cdef double ambient
     cdef int64_t occlusion  # rays of an eye hit
     cdef double reach       # their length
-    cdef Vec eye
+    cdef const double[:, ::1] eyes
+    cdef int64_t across
     cdef Vec origin
     cdef Film film
     cdef Queued[::1] out
@@ -106,14 +107,14 @@ cdef class Shader:
     cdef readonly int64_t refraction
     cdef readonly int64_t shadow
 
-    def __cinit__(self, const Material[::1] palette, lighting, eye, origin, Film film):
+    def __cinit__(self, const Material[::1] palette, lighting, viewpoints, origin, Film film):
         self.palette = palette
         self.lights = lighting.lights
         self.ambient = lighting.ambient
         self.occlusion, self.reach = lighting.rays, lighting.reach
-        if self.lights.shape[1] != COLUMNS:
-            raise ValueError(f"lights: found {self.lights.shape[1]} columns, expected {COLUMNS}")
-        self.eye = vec(eye[0], eye[1], eye[2])
+        if self.lights.shape[2] != COLUMNS:
+            raise ValueError(f"lights: found {self.lights.shape[2]} columns, expected {COLUMNS}")
+        self.eyes, self.across = viewpoints.eyes, viewpoints.across
         self.origin = vec(origin[0], origin[1], origin[2])
         self.film = film
         self.out = self.rays = np.empty(GATHERED, QUEUED)
@@ -213,7 +214,7 @@ cdef class Shader:
         cdef Interaction i
         cdef Surface* s = &i.surface
         cdef Vec own
-        cdef int64_t k
+        cdef int64_t k, view = 0 if self.lights.shape[0] == 1 else self.view_of(h.pixel)
         i.hit, i.id, i.material = h, shaded.id, m
         i.d = unit(l.d)
         shape_surface(&shaded.shape, &l, h.t, s)
@@ -228,11 +229,22 @@ cdef class Shader:
             self.see(&i, own)
         i.offset = scale(s.geometric, hit_error(&l, h.t, s.place, &shaded.box))
         self.surround(&i)
-        for k in range(self.lights.shape[0]):
-            self.light(&i, &self.lights[k, 0])
+        for k in range(self.lights.shape[1]):
+            self.light(&i, &self.lights[view, k, 0])
         if not self.last and (m.ks > 0.0 or m.transmittance > 0.0):
             self.go_on(&i)
         return 0
+
+    cdef int64_t view_of(self, uint32_t element) noexcept nogil:
+        """Return the view that an element of the film is of."""
+        if self.eyes.shape[0] == 1:
+            return 0
+        return film_number(self.film, element) // self.across % self.eyes.shape[0]
+
+    cdef uint64_t number_of(self, uint32_t element) noexcept nogil:
+        """Return the number that an element would have if its view were alone."""
+        cdef int64_t number = film_number(self.film, element), views = self.eyes.shape[0]
+        return number // self.across // views * self.across + number % self.across
 
     cdef void see(self, const Interaction* i, Vec n) noexcept nogil:
         """Store depth, normal n, id and channels on request, if the hit is of sample 0."""
@@ -241,9 +253,11 @@ cdef class Shader:
         cdef Vec p = i.surface.place
         cdef int64_t element = h.pixel - self.film.first
         cdef float* seen = &self.film.depth_normal[element, 0]
+        cdef const double* eye
         if h.sample:
             return
-        seen[0] = <float>length(sub(p, self.eye))
+        eye = &self.eyes[self.view_of(h.pixel), 0]
+        seen[0] = <float>length(sub(p, vec(eye[0], eye[1], eye[2])))
         put(seen + 1, n)
         self.film.ids[element] = i.id
         if self.film.positions.shape[0]:
@@ -281,7 +295,7 @@ cdef class Shader:
         cdef double weight = min(1.0, largest(vec(h.red, h.green, h.blue)))
         # Weights are float32: what is a whole number but for that is no more.
         cdef int64_t k, rays = <int64_t>ceil(weight * self.occlusion * (1.0 - 1.0 / (1 << 20)))
-        cdef uint64_t number = film_number(self.film, h.pixel)
+        cdef uint64_t number = self.number_of(h.pixel)
         # 2^32 more than a pixel's: not the numbers that have placed its samples.
         cdef uint64_t seed = mixed(mixed(number + (<uint64_t>1 << 32)) + h.sample)
         color = scale(color, 1.0 / rays)

@@ -3,58 +3,62 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bfrt.image.frame import FrameSize
 from bfrt.phases._eye import EyeRayGenerator
 from bfrt.records import QUEUED
 from bfrt.store.model import Camera, cross
 from bfrt.store.store import Store
 
 
-def count_eye_rays(width: int, height: int, samples: int) -> int:
-    """Return the number of eye rays of a view; 0 samples a pixel mean SPD's procedure."""
-    corners = samples == 0
-    return (width + corners) * (height + corners) * max(1, samples)
+def count_eye_rays(frame: FrameSize, rows: int | None = None) -> int:
+    """Return the number of eye rays of a frame, or of its first rows."""
+    rows = frame.height if rows is None else rows
+    return frame.across * (rows + (frame.samples == 0)) * max(1, frame.samples)
 
 
 class EyeRays:
-    """Makes the eye rays of a view, in the order of pixels and samples.
+    """Makes the eye rays of views of one size, in the order of film elements and samples.
 
     Parameters
     ----------
+    cameras : sequence of Camera
+        Of the views, from left to right, as they lie in the film.
     first, last : int
         The film elements, pixels or their corners, whose rays they are: [first, last).
     samples : int
         A pixel, stratified: in a grid that has one sample in each of `samples` rows and
         columns, moved by a hash of the pixel. 0 is SPD's procedure: one ray at each pixel corner,
-        so (width + 1) (height + 1), the outermost at half the angle.
+        so (width + 1) (height + 1) of a view, the outermost at half
+        the angle.
     """
 
     def __init__(
         self,
         store: Store,
-        camera: Camera,
+        cameras: Sequence[Camera],
         samples: int,
         first: int = 0,
         last: int | None = None,
     ) -> None:
-        width, height = camera.resolution
+        frame = FrameSize(*cameras[0].resolution, samples, views=len(cameras))
         empty = store.bounds.empty
         self._generator = EyeRayGenerator(
-            view_vectors(camera, store.origin),
-            width,
-            height,
+            np.stack([view_vectors(camera, store.origin) for camera in cameras]),
+            frame.width,
+            frame.height,
             samples,
             coprime_turn(samples),
             np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi]),
         )
         each = max(1, samples)
         self._taken = first * each
-        whole = count_eye_rays(width, height, samples)
-        self._total = whole if last is None else last * each
+        self._total = count_eye_rays(frame) if last is None else last * each
 
     def __len__(self) -> int:
         return self._total - self._taken

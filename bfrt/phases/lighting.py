@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +22,10 @@ class Lighting(NamedTuple):
 
     Attributes
     ----------
-    lights : ndarray of float64, shape (lights, 7)
-        Place, in homogeneous coordinates relative to the store's origin, and color times intensity.
-        A point light has w = 1; a sun w = 0, and the vector to it is so long that it ends beyond
-        the scene.
+    lights : ndarray of float64, shape (views, lights, 7)
+        Place, in homogeneous coordinates relative to the store's origin, and color times intensity:
+        of each view, or of one where all have the same. A point light has w = 1; a sun w = 0, and
+        the vector to it is so long that it ends beyond the scene.
     ambient : float
         Intensity of the ambient light.
     rays : int
@@ -39,19 +40,21 @@ class Lighting(NamedTuple):
     reach: float
 
 
-def lighting_of(store: Store, illumination: Illumination) -> Lighting:
-    """Return what lights a scene, relative to the store's origin."""
+def lighting_of(store: Store, each: Sequence[Illumination]) -> Lighting:
+    """Return what lights the views of a scene, relative to the store's origin."""
     beyond = BEYOND * store.bounds.diagonal
-    intensity = light_intensity(len(illumination.lights))
+    one = each[0]
+    intensity = light_intensity(len(one.lights))
     rows = [
         (*_place_of(light, store, beyond), *(intensity * np.array(_strength_of(light))))
+        for illumination in each
         for light in illumination.lights
     ]
     return Lighting(
-        np.array(rows, np.float64).reshape(-1, 7),
-        illumination.ambient,
-        illumination.ao,
-        min(illumination.ao_distance, beyond),
+        np.array(rows, np.float64).reshape(len(each), len(one.lights), 7),
+        one.ambient,
+        one.ao,
+        min(one.ao_distance, beyond),
     )
 
 

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.ids import index_of
-from bfrt.illumination import Illumination
 from bfrt.image.film import Film
 from bfrt.phases._shading import GATHERED, Shader
 from bfrt.phases.hit_order import HitLoads, hits_of, picked
 from bfrt.phases.lighting import lighting_of
 from bfrt.phases.traversal import Sink
+from bfrt.phases.viewpoints import Viewpoints
 from bfrt.records import HIT_BYTES, MATERIAL_BYTES, QUEUED_BYTES
 from bfrt.scan.scan import StreamScan
 from bfrt.scan.scans import GroupScans
@@ -38,9 +38,8 @@ class Shading:
 
     Parameters
     ----------
-    illumination : Illumination
-    eye : (3,) float64
-        Relative to the store's origin.
+    viewpoints : Viewpoints
+        Of the views of the frame.
     hits : int
         The most hits that are shaded at once.
     workers : Workers
@@ -49,17 +48,18 @@ class Shading:
     def __init__(
         self,
         store: Store,
-        illumination: Illumination,
+        viewpoints: Viewpoints,
         film: Film,
-        eye: NDArray[np.float64],
         hits: int,
         workers: Workers,
     ) -> None:
         self._capacity = hits
         self._workers = workers
-        palette, lighting = store.materials(), lighting_of(store, illumination)
+        palette = store.materials()
+        lighting = lighting_of(store, viewpoints.illuminations)
         self._shaders = [
-            Shader(palette, lighting, eye, store.origin, film) for _ in range(workers.threads)
+            Shader(palette, lighting, viewpoints, store.origin, film)
+            for _ in range(workers.threads)
         ]
 
     @staticmethod

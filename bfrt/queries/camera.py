@@ -47,7 +47,7 @@ def camera_rays(camera: Camera, *, rows: slice | None = None) -> NDArray[np.floa
         raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera")
     width, height = camera.resolution
     first, last = _rows_of(rows, height)
-    view = view_vectors(camera, (0.0, 0.0, 0.0))
+    view = np.stack([view_vectors(camera, (0.0, 0.0, 0.0))])
     generator = EyeRayGenerator(view, width, height, 1, 1, np.zeros((2, 3)))
     rays = np.empty((last - first, width, 6))
     generator.centers(first * width, rays.reshape(-1, 6))

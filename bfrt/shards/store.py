@@ -192,6 +192,7 @@ def joined(
         folder=ShardFolders(path, text, [store.folder for store in stores]),
         origin=manifest.origin,
         crs="".join(systems),
+        colors=tuple(dict.fromkeys(scale for store in stores for scale in store.colors)),
         bounds=manifest.bounds,
         groups=groups,
         camera=manifest.camera,

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bfrt.errors import SceneError
+from bfrt.image.color_scale import ColorScale
 from bfrt.records import INDEX_BITS, Kind
 from bfrt.store._hierarchy import MOST_LEVELS
 from bfrt.store.model import Camera, Light, Vector
@@ -169,6 +170,14 @@ def camera(value: Any) -> Camera:
         raise ValueError(str(error)) from None
 
 
+def scale(value: Any) -> ColorScale:
+    """Check what colors say."""
+    found = ColorScale(**SCALE(value))
+    if not found.lo <= found.hi or (found.log and found.lo <= 0.0):
+        raise _wrong(value, "a range, above 0 where it is of ratios")
+    return found
+
+
 def light(value: Any) -> Light:
     return Light(*listed(vector, 2)(value))
 
@@ -236,13 +245,15 @@ CAMERA = fields(
     resolution=listed(whole(1 << 16), 2),
 )
 
-#: What a scene has that says where it is. Stores that are nowhere have the header that stores had
-#: before there was this field.
-PLACED = {"crs": crs}
+SCALE = fields(name=string, colormap=string, lo=real, hi=real, log=truth)
+
+#: What only some scenes have: where they are, and what their colors say. The others have the header
+#: that stores had before there were these fields.
+SOME_HAVE = {"crs": crs, "colors": listed(scale)}
 
 #: The header beside magic and version, which are looked at first.
 HEADER_FIELDS = fields(
-    PLACED,
+    SOME_HAVE,
     magic=lambda value: value,
     version=whole(1 << 31),
     origin=vector,

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import StoreError
 from bfrt.ids import index_of, stream_of
+from bfrt.image.color_scale import ColorScale
 from bfrt.paths import HEADER, MAGIC, header_at, path_of
 from bfrt.records import MATERIAL, Kind
 from bfrt.store.extent import NOTHING, Bounds
@@ -96,6 +97,8 @@ class Store:
         The color that rays see that hit nothing.
     crs : str
         The reference system of coordinates, as "EPSG:32632" or WKT; empty where none was given.
+    colors : tuple of ColorScale
+        What colors say, where a map has made them of numbers.
     """
 
     folder: StoreFolder
@@ -106,6 +109,7 @@ class Store:
     lights: list[Light]
     background: tuple[float, float, float]
     crs: str
+    colors: tuple[ColorScale, ...]
     palette: FileFacts
     hierarchy: Hierarchy
     hierarchy_seconds: float
@@ -277,6 +281,7 @@ def _store(folder: StoreFolder, header: dict[str, Any], digest: int) -> Store:
         lights=list(header["lights"]),
         background=header["background"],
         crs=header.get("crs", ""),
+        colors=header.get("colors", ()),
         palette=FileFacts(**header["palette"]),
         hierarchy=Hierarchy(**header["hierarchy"]),
         hierarchy_seconds=made.hierarchy_seconds,

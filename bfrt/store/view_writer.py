@@ -1,4 +1,4 @@
-"""What a scene has beside its objects: its view, its lights, its background, and where it is."""
+"""What a scene has beside its objects: view, lights, background, where it is, what colors say."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from bfrt.errors import SceneError
+from bfrt.image.color_scale import ColorScale
 from bfrt.store.given import triple_of
 from bfrt.store.model import Camera, Light, Vector
 
@@ -21,12 +22,14 @@ class ViewWriter:
         self._lights: list[Light] = []
         self._background: Vector = (0.0, 0.0, 0.0)
         self._crs = ""
+        self._colors: list[ColorScale] = []
 
     @property
     def view(self) -> dict[str, Any]:
-        """Return what the header says of them: "crs" only where there is one."""
+        """Return what the header says of them: "crs" and "colors" only where there are any."""
         return {
             **({"crs": self._crs} if self._crs else {}),
+            **({"colors": [scale._asdict() for scale in self._colors]} if self._colors else {}),
             "camera": None if self._camera is None else asdict(self._camera),
             "lights": self._lights,
             "background": self._background,
@@ -90,6 +93,17 @@ class ViewWriter:
             If the color is not three finite numbers.
         """
         self._background = triple_of("background", color)
+
+    def color_scale(self, scale: ColorScale) -> None:
+        """Add what colors say, which the store keeps for a picture's color bar.
+
+        Parameters
+        ----------
+        scale : ColorScale
+            Of some objects' colors. One that was added before is not added again.
+        """
+        if scale not in self._colors:
+            self._colors.append(scale)
 
     def crs(self, crs: str) -> None:
         """Set the reference system of coordinates, which the store keeps and ``info`` tells.

@@ -195,6 +195,35 @@ def temporary_folder(folder: Path, name: str) -> Iterator[Path]:
         owned.remove()
 
 
+@contextlib.contextmanager
+def staged_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]]:
+    """Give paths of files to make, which become `paths` when the block ends well: all or none.
+
+    They have the suffixes of these, and lie in folders beside them that go when the block ends.
+    What the block makes is whole and synced, as by `atomic_path`. Where the last steps fail, the
+    files that have their names already are removed again.
+    """
+    targets = [_target(path) for path in paths]
+    parents = dict.fromkeys(target.parent for target in targets)
+    with contextlib.ExitStack() as stack:
+        aside = {each: stack.enter_context(temporary_folder(each, "files")) for each in parents}
+        staged = [
+            aside[target.parent] / f"{number}{target.suffix}"
+            for number, target in enumerate(targets)
+        ]
+        yield staged
+        renamed: list[Path] = []
+        try:
+            for path, target in zip(staged, targets, strict=True):
+                renamed.append(target)
+                _rename(path, target)
+        except BaseException:
+            _take_back(staged, renamed)
+            raise
+    for parent in parents:
+        sync_folder(parent)
+
+
 def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str]) -> None:
     """Write all of `data` to the unbuffered `file`; raise `StreamError` if the system refuses."""
     left = memoryview(data).cast("B")

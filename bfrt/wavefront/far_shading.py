@@ -117,7 +117,12 @@ class FarShading:
         order = np.lexsort((load["id"], owners))
         ends = np.searchsorted(owners[order], np.arange(len(self._tasks) + 1))
         return [
-            deque(_cut(order[ends[c] : ends[c + 1]], hits_at_once(task.illumination.shadow_rays)))
+            deque(
+                _cut(
+                    order[ends[c] : ends[c + 1]],
+                    hits_at_once(task.viewpoints.illuminations[0].shadow_rays),
+                )
+            )
             for c, task in enumerate(self._tasks)
         ]
 

@@ -25,20 +25,20 @@ from bfrt.cluster.counters import Part, add_part
 from bfrt.cluster.watching import Watch
 from bfrt.image.frame import FrameSize, held_frame
 from bfrt.image.image_buffer import ImageBuffer, resolve
-from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.memory import BASELINE, default_memory
-from bfrt.phases.eye import view_vectors
 from bfrt.phases.settling import set_out, settle
 from bfrt.phases.shading import SHADED_HIT_BYTES
 from bfrt.phases.traversal import FEWEST_RAYS
+from bfrt.phases.viewpoints import viewpoints_of
 from bfrt.progress import Progress, Report, tell
 from bfrt.records import HIT, HIT_BYTES, QUEUED_BYTES
 from bfrt.render_state import RenderState
-from bfrt.rendering import describe, tell_of_bad_rays
+from bfrt.rendering import images_of, tell_of_bad_rays
 from bfrt.settings import scratch_folder
 from bfrt.shards.store import ShardedStore
 from bfrt.stats import Counters, Stats
-from bfrt.view import View
+from bfrt.view import Views
 from bfrt.wavefront.cargo import BLOCK
 from bfrt.wavefront.carriers import Carrier
 from bfrt.wavefront.far_shading import FarShading, Owners
@@ -101,13 +101,13 @@ class Wave(NamedTuple):
 
 
 class FarRender:
-    """Renders a view, band by band.
+    """Renders views together, band by band.
 
     Parameters
     ----------
     wave : Wave
     window : Window
-    view : View
+    views : Views
     stats : RenderStats
         The counters of the render.
     report : Report
@@ -115,25 +115,25 @@ class FarRender:
     """
 
     def __init__(
-        self, wave: Wave, window: Window, view: View, stats: RenderStats, report: Report
+        self, wave: Wave, window: Window, views: Views, stats: RenderStats, report: Report
     ) -> None:
         store = wave.store
-        room = ClientRoom.of(view.frame, default_memory(), len(wave.carriers))
+        room = ClientRoom.of(views.frame, default_memory(), len(wave.carriers))
         scratch = scratch_folder(None, store.path)
         self._wave = wave
         self._window = window
-        self._view = view
+        self._views = views
         self._stats = stats
         self._report = report
         self._hits = room.render.hits
-        self._background = np.array(view.illumination.background, np.float64)
+        self._background = np.array(views.illumination.background, np.float64)
         self._owners = Owners(store.manifest, wave.carriers)
-        self._state = RenderState.first(store, room.render, scratch, view, stats)
+        self._state = RenderState.first(store, room.render, scratch, views, stats)
         tasks = [Meeting(site) for site in wave.sites]
         self._ferry = Ferry(window, tasks, wave.boxes, room.blocks, self._count)
 
     def run(self) -> ImageBuffer:
-        """Trace all bands; return the finished picture."""
+        """Trace all bands; return the finished pictures."""
         state = self._state
         try:
             while True:
@@ -175,12 +175,10 @@ class FarRender:
 
     def _shade(self, counters: Counters, travel: ShadingTravel, rays: int) -> None:
         """Shade the hits, and gather the rays that go on."""
-        state, view = self._state, self._view
-        eye = tuple(view_vectors(view.camera, self._wave.store.origin)[0].tolist())
-        last = state.depth >= view.depth
-        tasks = [
-            HitShading(site, view.illumination, eye, view.aovs, last) for site in self._wave.sites
-        ]
+        state, views = self._state, self._views
+        seen = viewpoints_of(views, self._wave.store.origin)
+        last = state.depth >= views.depth
+        tasks = [HitShading(site, seen, views.aovs, last) for site in self._wave.sites]
         shading = FarShading(self._window, self._owners, tasks, self._hits, self._count)
         shading.shade(
             state.hits, state.film, state.following, travel, lambda: self._tell(rays, rays)
@@ -229,14 +227,14 @@ def prepare(wave: Wave, window: Window, stats: RenderStats, *, fresh_marks: bool
     stats.settings = {**each[0].settings, **stats.settings}
 
 
-def render(wave: Wave, client: Any, view: View, report: Report, *, fresh_marks: bool) -> Image:
-    """Render a view of a sharded scene, as `bfrt.render` does here.
+def render(wave: Wave, client: Any, views: Views, report: Report, *, fresh_marks: bool) -> Images:
+    """Render views of a sharded scene, as `bfrt.render` does here.
 
     Parameters
     ----------
     wave : Wave
     client : distributed.Client
-    view : View
+    views : Views
     report : Report
         Called first, and after each task.
     fresh_marks : bool
@@ -250,12 +248,14 @@ def render(wave: Wave, client: Any, view: View, report: Report, *, fresh_marks: 
     start = time.perf_counter()
     store = wave.store
     objects = store.manifest.objects
-    stats = RenderStats(objects, 0, {"depth": view.depth})
+    stats = RenderStats(objects, 0, {"depth": views.depth})
     with Watch(client, 0, None) as watch:
         window = Window(watch, wave.carriers)
         prepare(wave, window, stats, fresh_marks=fresh_marks)
-        buffer = FarRender(wave, window, view, stats, report).run()
+        buffer = FarRender(wave, window, views, stats, report).run()
     stats.total.seconds = time.perf_counter() - start
     tell_of_bad_rays(stats)
-    facts = {**describe(store, view), "objects": str(objects)}
-    return Image(buffer.channels(), facts, stats)
+    images = images_of(buffer, store, views, stats)
+    for image in images:
+        image.metadata["objects"] = str(objects)
+    return images

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from bfrt.cluster.counters import Part
 from bfrt.cluster.reports import TaskReport
 from bfrt.cluster.worker import this_worker
-from bfrt.illumination import Illumination
 from bfrt.image.film_parts import film_of, part_of
 from bfrt.phases.shading import Shading
+from bfrt.phases.viewpoints import Viewpoints
 from bfrt.progress import Progress
 from bfrt.records import HIT, QUERY_RAY, QUEUED, RayKind
 from bfrt.rendering import stats_of
 from bfrt.stats import Counters, Stats, peak_rss
-from bfrt.store.model import Vector
 from bfrt.tracer import Tracer
 from bfrt.wavefront.cargo import Cargo
 from bfrt.wavefront.site import Site
@@ -122,18 +121,16 @@ class HitShading:
     Attributes
     ----------
     site : Site
-    illumination : Illumination
-    eye : tuple of 3 float
-        Relative to the scene's origin.
+    viewpoints : Viewpoints
+        Of the views of the whole frame.
     aovs : tuple of str
-        As in `View`.
+        As in `Views`.
     last : bool
         Whether the maximum depth is reached.
     """
 
     site: Site
-    illumination: Illumination
-    eye: Vector
+    viewpoints: Viewpoints
     aovs: tuple[str, ...]
     last: bool
 
@@ -146,8 +143,8 @@ class HitShading:
         film = film_of(elements, self.aovs)
         following = Following(elements)
         with self.site.tracer() as tracer:
-            eye, room = np.array(self.eye), max(1, tracer.capacities.hits)
-            shading = Shading(tracer.store, self.illumination, film, eye, room, tracer.workers)
+            room = max(1, tracer.capacities.hits)
+            shading = Shading(tracer.store, self.viewpoints, film, room, tracer.workers)
             stats = stats_of(tracer)
             with counted(tracer, stats) as counters:
                 self._shade(shading, Passing(tracer, hits, counters, TaskReport()), following)

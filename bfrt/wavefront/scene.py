@@ -14,7 +14,7 @@ from bfrt.cluster.asked import Asked
 from bfrt.cluster.engine import client_of
 from bfrt.cluster.watching import Watch
 from bfrt.errors import SettingError
-from bfrt.image.picture import Image
+from bfrt.image.pictures import Images
 from bfrt.progress import Progress, Report, tell
 from bfrt.queries.answers import Columns, Fields, Out, check_out, ordered, shapes_of
 from bfrt.queries.casting import (
@@ -35,7 +35,7 @@ from bfrt.records import RayKind
 from bfrt.settings import scratch_folder
 from bfrt.shards.store import ShardedStore, open_sharded
 from bfrt.streams.spool import Spool
-from bfrt.view import View
+from bfrt.view import Views
 from bfrt.wavefront import frame
 from bfrt.wavefront.carriers import Carrier, ShardPlace, carriers_of
 from bfrt.wavefront.flight import Block, Flights, blocks_of
@@ -126,12 +126,12 @@ class Wavefront:
         answer.stats = stats
         return answer
 
-    def render(self, view: View, asked: Asked, refine: str | None, report: Report) -> Image:
-        """Render a view.
+    def render(self, views: Views, asked: Asked, refine: str | None, report: Report) -> Images:
+        """Render views.
 
         Parameters
         ----------
-        view : View
+        views : Views
         asked : Asked
             Settings of each worker.
         refine : str, optional
@@ -141,7 +141,7 @@ class Wavefront:
         sites = [Site(place, asked, refine) for place in self._places()]
         wave = Wave(self.store, self.carriers, sites)
         return frame.render(
-            wave, client_of(self.client), view, report, fresh_marks=asked.fresh_marks
+            wave, client_of(self.client), views, report, fresh_marks=asked.fresh_marks
         )
 
     def _places(self) -> list[ShardPlace]:

@@ -242,6 +242,22 @@ def test_complete_files_are_not_read_again(sources, tmp_path, states, monkeypatc
     assert names == ["c.obj", "d.npy"]
 
 
+def test_what_colors_say_is_kept(tmp_path, states):
+    """Of files whose ranges are not the same, each has its own."""
+    sources = []
+    for number in range(3):
+        rows = "".join(f"{k},{number},0,{k + number}\n" for k in range(9))
+        sources.append(tmp_path / f"{number}.csv")
+        sources[-1].write_text(f"x,y,z,heat\n{rows}")
+    asked = {"color_by": "heat", "color_range": ("10%", "100%")}
+    expected = converted(sources, tmp_path / "plain" / "x.bfrt", **asked)
+    assert [(scale.lo, scale.hi) for scale in expected.colors] == [(0, 8), (1, 9), (2, 10)]
+    target, kept = broken_off(sources, tmp_path, states, **asked)
+    made = converted(sources, target, checkpoint=kept, **asked)
+    assert made.colors == expected.colors
+    assert contents(made.path) == contents(expected.path)
+
+
 def test_an_error_in_a_file_keeps_those_before(sources, tmp_path, monkeypatch):
     """The file may be mended, for it was not complete."""
     bad = tmp_path / "bad.nff"

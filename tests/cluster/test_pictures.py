@@ -65,6 +65,18 @@ def test_light_that_is_asked_for(shared_client, asked, samples):
     assert found.metadata["ao_distance"] == "1.5"
 
 
+def test_two_workers_make_several_views(shared_client, one, samples):
+    scene, settings = one
+    views = scene.turntable(3)
+    expected = scene.render(camera=views, samples=samples, **settings)
+    found = scene.render(camera=views, samples=samples, client=shared_client, **settings)
+    assert isinstance(found, bfrt.Images) and len(found) == 3
+    for number, view in enumerate(views):
+        assert_same_picture(found[number], expected[number])
+        alone = scene.render(camera=view, samples=samples, **settings)
+        assert alone.rgba.tobytes() == found[number].rgba.tobytes()
+
+
 def test_one_worker_makes_the_picture(asked):
     scene, settings = asked
     expected = scene.render(**settings)

@@ -12,8 +12,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats.colors import NO_VALUE, STEPS, Painter, colormap, cubehelix, linear, value_range
-from bfrt.formats.reading import Reading
+from bfrt.formats.colors import NO_VALUE, Painter
+from bfrt.formats.ranges import ends_of, numbers_at, value_range
+from bfrt.formats.reading import End, Reading
+from bfrt.image.color_scale import ColorScale
+from bfrt.image.colormaps import STEPS, colormap, cubehelix, linear
 
 HAS_MATPLOTLIB = importlib.util.find_spec("matplotlib") is not None
 
@@ -37,7 +40,7 @@ def paint(values, blocks=None, **asked):
     """Colors of values, as light."""
     palette = Palette()
     values = np.asarray(values)
-    painter = Painter(palette, Reading(**asked), [values] if blocks is None else blocks, "file")
+    painter = Painter(palette, Reading(**asked), blocks or (lambda: [values]), "file")
     indices = painter.paint(values)
     assert indices.dtype == np.uint32
     return palette.colors(indices)
@@ -88,20 +91,32 @@ def test_maps():
 def test_matplotlibs_maps():
     import matplotlib
 
-    right = matplotlib.colormaps["viridis"](np.linspace(0, 1, STEPS))[:, :3]
-    np.testing.assert_allclose(colormap("viridis"), right)
-    with pytest.raises(SettingError, match="found 'nope', expected cubehelix, gray or matplotlib"):
+    steps = np.linspace(0, 1, STEPS)
+    np.testing.assert_array_equal(colormap("magma"), matplotlib.colormaps["magma"](steps)[:, :3])
+    ours, right = colormap("viridis"), matplotlib.colormaps["viridis"](steps)[:, :3]
+    np.testing.assert_allclose(ours, right, atol=0.5001 / 65535)
+    with pytest.raises(SettingError, match="'nope', expected viridis, cubehelix, gray or matplotl"):
         colormap("nope")
 
 
 def test_maps_without_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)  # as if there were none
     with pytest.raises(SettingError) as caught:
-        colormap("viridis")
+        colormap("magma")
     assert str(caught.value) == (
-        "colormap: found 'viridis', expected cubehelix or gray, or matplotlib for more maps"
+        "colormap: found 'magma', expected viridis, cubehelix, gray, or matplotlib for more maps"
     )
-    assert len(colormap("cubehelix")) == len(colormap("gray")) == STEPS
+    assert len(colormap("cubehelix")) == len(colormap("gray")) == len(colormap("viridis")) == STEPS
+
+
+def test_viridis_brightens_evenly():
+    """It is from dark blue to yellow, and no step of its light is far from the mean (CIE L*)."""
+    light = linear(colormap("viridis")) @ [0.2126, 0.7152, 0.0722]
+    lightness = 116 * np.cbrt(light) - 16
+    steps = np.diff(lightness)
+    assert (steps > 0).all() and steps.max() < 2.5 * steps.mean()
+    first, last = colormap("viridis")[[0, -1]] * 255
+    assert np.rint([first, last]).tolist() == [[68, 1, 84], [253, 231, 37]]
 
 
 def test_srgb_as_light():
@@ -138,7 +153,7 @@ def test_steps_of_numbers(values, ends, dtype):
 
 def test_ends_and_beyond():
     values = [-math.inf, -5.0, 0.0, 0.999 / STEPS, 1.001 / STEPS, 0.9999, 1.0, 7.0, math.inf]
-    table = linear(colormap("cubehelix"))
+    table = linear(colormap("viridis"))
     right = table[[0, 0, 0, 0, 1, STEPS - 1, STEPS - 1, STEPS - 1, STEPS - 1]]
     np.testing.assert_array_equal(paint(values, color_by="x", color_range=(0, 1)), right)
 
@@ -146,7 +161,7 @@ def test_ends_and_beyond():
 def test_what_has_no_number_is_gray():
     shades = paint([0.0, math.nan, 1.0], color_by="x")
     assert shades[1].tolist() == list(NO_VALUE) == [0.5] * 3
-    assert shades[0].tolist() == linear(colormap("cubehelix"))[0].tolist()
+    assert shades[0].tolist() == linear(colormap("viridis"))[0].tolist()
 
 
 def test_a_span_of_almost_nothing():
@@ -181,17 +196,140 @@ def test_a_range_takes_all_blocks():
 def test_a_range_that_is_given_is_not_looked_for():
     def never():
         raise AssertionError
-        yield
 
-    assert len(paint([1.0], blocks=never(), color_by="x", color_range=(0, 1))) == 1
+    assert len(paint([1.0], blocks=never, color_by="x", color_range=(0, 1))) == 1
 
 
 def test_a_map_takes_few_materials():
     palette = Palette()
-    painter = Painter(palette, Reading(color_by="x", color_range=(0, 1)), [], "file")
+    painter = Painter(palette, Reading(color_by="x", color_range=(0, 1)), list, "file")
     painter.paint(np.linspace(-1, 2, 10_000))
     assert len(palette.materials) == STEPS + 1
     assert {material[1:] for material in palette.materials} == {(1.0, 0.0, 1.0, 0.0, 1.0)}
+
+
+# --- ranks, and ratios ---------------------------------------------------------------------------
+
+
+def at(values, *percents, parts=3, log=False):
+    blocks = np.array_split(np.asarray(values), parts)
+    ranks = [End.of(f"{percent}%").rank for percent in percents]
+    return numbers_at(lambda: iter(blocks), ranks, "file", log=log)
+
+
+FLOATS = {np.float64: st.floats(allow_nan=True), np.float32: st.floats(width=32)}
+
+
+@settings(max_examples=150)
+@given(
+    data=st.data(),
+    dtype=st.sampled_from([np.float64, np.float32, np.int64, np.uint8]),
+    percents=st.lists(st.integers(0, 1000), min_size=1, max_size=2),
+)
+def test_a_percentile_is_that_of_all_numbers_in_order(data, dtype, percents):
+    """Whatever they are, and however they come in blocks."""
+    whole = np.issubdtype(dtype, np.integer)
+    info = np.iinfo(dtype) if whole else None
+    one = st.integers(info.min, info.max) if whole else FLOATS[dtype]
+    values = np.array(data.draw(st.lists(one, min_size=1, max_size=50)), dtype)
+    kept = np.sort(values[np.isfinite(values)].astype(np.float64))
+    found_by = [n / 10 for n in percents]
+    if not len(kept):
+        with pytest.raises(SceneError, match="found no finite number to color by"):
+            at(values, *found_by)
+        return
+    places = [max(0, -(-n * len(kept) // 1000) - 1) for n in percents]
+    for parts in (1, 4):
+        assert at(values, *found_by, parts=parts) == [kept[place] for place in places]
+
+
+def test_ends_by_rank():
+    values = np.random.default_rng(2).permutation(np.arange(-50, 151).astype(np.float32))
+    passes = []
+
+    def blocks():
+        passes.append(1)
+        return iter(np.array_split(values, 7))
+
+    def ends(*asked, log=False):
+        return ends_of(blocks, tuple(map(End.of, asked)), "file", log=log)
+
+    assert ends("2%", "98%") == (-46, 146)
+    assert ends("0%", "100%") == (-50, 150)
+    assert ends(-7, "50%") == (-7, 50)
+    assert ends("50%", 1e3, log=True) == (75, 1000)  # of those above 0
+    assert ends(" 12.5 ", "100%") == (12.5, 150)
+    assert len(passes) <= 3 * 5  # float32 has few bits
+    del passes[:]
+    assert ends(3, 4) == (3, 4) and passes == []
+    with pytest.raises(
+        SettingError, match=r"^color_range: found 200 to 50 in file, expected the le"
+    ):
+        ends(200, "50%")
+    with pytest.raises(
+        SettingError, match="found 0 to 50 in file, expected the lesser first, above"
+    ):
+        ends(0, 50, log=True)
+
+
+def test_the_memory_of_a_rank_does_not_grow():
+    """A million numbers, a thousand at a time."""
+    import tracemalloc
+
+    def blocks():
+        for seed in range(1000):
+            yield np.random.default_rng(seed).random(1000)
+
+    tracemalloc.start()
+    (middle,) = numbers_at(blocks, [End.of("50%").rank], "file", log=False)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert abs(middle - 0.5) < 0.002
+    assert peak < 4 << 20
+
+
+@settings(max_examples=150)
+@given(
+    ends=st.tuples(st.floats(1e-300, 1e300), st.floats(1e-300, 1e300)),
+    values=st.lists(st.floats(1e-305, 1e305), min_size=2, max_size=30),
+)
+def test_steps_of_ratios(ends, values):
+    """As logarithms have them, but for rounding; a greater number has no lesser step."""
+    lo, hi = min(ends), max(ends)
+    numbers = np.sort(values)
+    steps = ColorScale("x", "gray", lo, hi, log=True).steps(numbers)
+    assert (np.diff(steps) >= 0).all() and steps.min() >= 0 and steps.max() < STEPS
+    span = math.log(hi) - math.log(lo)
+    for number, step in zip(numbers.tolist(), steps.tolist(), strict=True):
+        if span < 1e-9:
+            continue
+        place = (math.log(number) - math.log(lo)) / span * STEPS
+        slack = 1e-9 + 1e-11 / span
+        possible = [min(max(math.floor(place + e), 0), STEPS - 1) for e in (-slack, slack)]
+        assert possible[0] <= step <= possible[1]
+
+
+def test_ratios_of_numbers():
+    values = [-1.0, 0.0, 1.0, 10.0, 100.0, 1e4, 5e4, math.nan, math.inf]
+    found = paint(values, color_by="x", color_log=True, color_range=(1, 1e4), colormap="gray")
+    gray = [*linear(colormap("gray"))[:, 0].tolist(), NO_VALUE[0]]
+    steps = [gray.index(shade) for shade in found[:, 0].tolist()]
+    assert steps == [STEPS, STEPS, 0, 64, 128, 255, 255, STEPS, 255]
+    ones = paint([0.0, 1e-3, 10.0, -5.0], color_by="x", color_log=True, colormap="gray")
+    assert ones[:, 0].tolist() == [0.5, 0.0, 1.0, 0.5]  # the least above 0 is the first
+    with pytest.raises(SceneError, match=r"^file: found no finite number above 0 to color by"):
+        paint([0.0, -1.0], color_by="x", color_log=True)
+
+
+def test_the_widest_ratio_there_is():
+    scale = ColorScale("x", "gray", 5e-324, 1.7e308, log=True)
+    borders = scale.borders()
+    assert np.isfinite(borders).all() and (np.diff(borders) > 0).all()
+    assert scale.steps(np.array([5e-324, 1.7e308])).tolist() == [0, STEPS - 1]
+    assert ColorScale("x", "gray", 3.0, 3.0, log=True).steps(np.array([2.0, 3.0])).tolist() == [
+        0,
+        255,
+    ]
 
 
 # --- colors --------------------------------------------------------------------------------------
@@ -229,7 +367,7 @@ def test_all_colors_of_8_bits():
 
 def test_colors_are_given_once():
     palette = Palette()
-    painter = Painter(palette, Reading(color_by="rgb"), [], "file")
+    painter = Painter(palette, Reading(color_by="rgb"), list, "file")
     colors = np.random.default_rng(1).integers(0, 3, (500, 3)) / 2
     first, again = painter.paint(colors), painter.paint(colors[::-1].copy())
     assert (first == again[::-1]).all()
@@ -241,7 +379,9 @@ def test_colors_that_are_none():
     assert found.tolist() == [[0, 1, 1], [0, 0, 0]]
 
 
-@pytest.mark.parametrize("asked", [{"colormap": "gray"}, {"color_range": (0, 1)}])
+@pytest.mark.parametrize(
+    "asked", [{"colormap": "gray"}, {"color_range": (0, 1)}, {"color_log": True}]
+)
 def test_a_map_for_colors(asked):
     with pytest.raises(SettingError, match=r"^color_by: found rgb with a map, expected rgb alone$"):
         paint(np.zeros((1, 3)), color_by="rgb", **asked)
@@ -250,7 +390,7 @@ def test_a_map_for_colors(asked):
 @pytest.mark.parametrize(
     "bad",
     [(1, 0), (0, math.nan), (math.nan, 0), (-math.inf, 0), (0, math.inf), (1,), (1, 2, 3), "ab", 5,
-     ("x", 1)],
+     ("x", 1), ("5%", "2%"), ("-1%", "50%"), (0, "101%"), ("x%", 1), ("%", 1), ("nan%", 1)],
 )  # fmt: skip
 def test_ranges_that_are_none(bad):
     with pytest.raises(SettingError, match=r"^color_range: found .*, expected two finite numbers"):

@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfrt.errors import SceneError, SettingError
-from bfrt.formats.colors import NO_VALUE, STEPS, colormap, cubehelix, linear
+from bfrt.formats.colors import NO_VALUE
 from bfrt.formats.object_writer import ObjectWriter
 from bfrt.formats.points import PointBlock, write_points
 from bfrt.formats.reading import Reading
 from bfrt.formats.spacing import SAMPLE, spacing_of
+from bfrt.image.colormaps import STEPS, colormap, cubehelix, linear
 from bfrt.records import Kind
 
 RNG = np.random.default_rng(8)
@@ -33,6 +34,9 @@ class Sink:
 
     def material(self, material):
         return self.palette.setdefault(material.color, len(self.palette))
+
+    def color_scale(self, scale):
+        self.scale = scale
 
     def append(self, kind, records, materials):
         assert kind is Kind.SPHERE
@@ -269,7 +273,7 @@ def test_maps_rise_in_luminance():
         luminance = cubehelix(t) @ [0.30, 0.59, 0.11]
         assert (np.diff(luminance) > 0).all()
     assert cubehelix(np.array([0.0, 1.0])).tolist() == [[0, 0, 0], [1, 1, 1]]
-    for name in ("gray", "cubehelix"):
+    for name in ("gray", "cubehelix", "viridis"):
         colors = colormap(name)
         assert colors.shape == (STEPS, 3)
         assert (colors >= 0).all() and (colors <= 1).all()
@@ -279,11 +283,12 @@ def test_maps_of_matplotlib(monkeypatch):
     """Whether it is there or not."""
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(SettingError, match="or matplotlib for more maps"):
-        painted([1, 2], color_by="v", colormap="viridis")
+        painted([1, 2], color_by="v", colormap="magma")
+    assert len(painted([1, 2], color_by="v", colormap="viridis")) == 2
     there = SimpleNamespace(colormaps={"mine": lambda t: np.stack([t, t, t * 0, t], axis=1)})
     monkeypatch.setitem(sys.modules, "matplotlib", there)
     assert painted([0, 1], color_by="v", colormap="mine") == [(0, 0, 0), (1, 1, 0)]
-    with pytest.raises(SettingError, match="found 'other', expected cubehelix, gray or matplotlib"):
+    with pytest.raises(SettingError, match="found 'other', expected viridis, cubehelix, gray or"):
         painted([1, 2], color_by="v", colormap="other")
 
 

@@ -275,7 +275,7 @@ def test_rule_6_far_origins_are_advanced(tmp_path):
     assert (away[0][0, 0], away[1][0]) == (-1e30, 0.0)
     # Eye rays, too.
     camera = Camera(eye=(0, -1e12, 0), at=(0, 0, 0), angle=1e-10, resolution=(4, 4))
-    eye = EyeRays(ball, camera, 0).read(25)
+    eye = EyeRays(ball, [camera], 0).read(25)
     assert (np.abs(eye["oy"]) < 100).all()
 
 

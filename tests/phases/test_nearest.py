@@ -178,7 +178,7 @@ def test_long_scenes(tmp_path, shape):
 def check_nff(file, scratch, rays, resolution, variations):
     store = convert(file, scratch / "s.bfrt", order="given").store
     rng = np.random.default_rng(7)
-    eye = EyeRays(store, replace(store.camera, resolution=(resolution, resolution)), 0)
+    eye = EyeRays(store, [replace(store.camera, resolution=(resolution, resolution))], 0)
     seen = eye.read(len(eye))
     bounds = store.bounds
     start = rng.uniform(bounds.lo - bounds.diagonal / 2, bounds.hi + bounds.diagonal / 2, (rays, 3))

@@ -165,7 +165,7 @@ def write_terrain(terrain: Terrain, writer: ObjectWriter, report: Report) -> Non
     """Write all triangles of a terrain."""
     painted = writer.reading.color_by is not None
     if painted:
-        writer.paint_by(terrain.numbers())
+        writer.paint_by(terrain.numbers)
     for row, triangles in terrain.blocks():
         report(row)
         writer.triangles(triangles, heights_of(triangles) if painted else None)

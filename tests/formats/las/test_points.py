@@ -210,7 +210,7 @@ def test_extra_bytes_whose_name_is_not_unicode(file):
         ({"color_by": "no"}, "found no dimension 'no', expected one of X, Y, Z, "),
         ({"color_by": "rgb"}, "found no dimension 'red', expected one of X, Y, Z, "),
         ({"color_range": (0, 1)}, "found without color_by, expected with it only"),
-        ({"color_by": "intensity", "colormap": "no"}, "colormap: found 'no', expected cubehelix"),
+        ({"color_by": "intensity", "colormap": "no"}, "colormap: found 'no', expected viridis"),
     ],
 )
 def test_settings_that_do_not_fit(file, asked, words):

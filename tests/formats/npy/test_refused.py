@@ -137,7 +137,7 @@ def test_progress_counts_bytes(npy, npz, small_blocks):
         ({"color_by": "centers"}, "centers: found float32 of shape (20, 3), expected numbers"),
         ({"color_range": (0, 1)}, "found without color_by, expected with it only"),
         ({"colormap": "gray"}, "found without color_by, expected with it only"),
-        ({"color_by": "mass", "colormap": "no"}, "colormap: found 'no', expected cubehelix"),
+        ({"color_by": "mass", "colormap": "no"}, "colormap: found 'no', expected viridis"),
         ({"radius": np.nan}, "radius: found nan, expected a finite number"),
     ],
 )

@@ -153,7 +153,7 @@ def test_red_green_and_blue_come_before_other_names(file):
         ({"color_by": "vertex_indices"}, "found no vertex_indices of each vertex or face"),
         ({"colormap": "gray"}, "found without color_by, expected with it only"),
         ({"color_range": (0, 1)}, "found without color_by"),
-        ({"color_by": "x", "colormap": "nope"}, "colormap: found 'nope', expected cubehelix"),
+        ({"color_by": "x", "colormap": "nope"}, "colormap: found 'nope', expected viridis"),
         ({"color_by": "x", "color_range": (1, 0)}, "the lesser first"),
     ],
 )
