@@ -82,7 +82,7 @@ class RenderState:
         """
         frame = views.frame
         width, height = frame.width, frame.height
-        film = Film(width, height, views.samples, room.rows, views.aovs, views=frame.views)
+        film = Film(width, height, views.samples, room.rows, views.aovs, frame.views)
 
         def eye_rays(first: int, last: int) -> EyeRays:
             return EyeRays(store, views.cameras, views.samples, first, last)

@@ -349,7 +349,7 @@ def crowd(tmp_path_factory):
 
 def nearest_hits(scene, camera, samples):
     """Eye rays, and where they meet what: places, normals to the eye, ids."""
-    rays = EyeRays(scene.store, camera, samples)
+    rays = EyeRays(scene.store, [camera], samples)
     rays = rays.read(len(rays))
     o, d = (np.stack([rays[f"{which}{axis}"] for axis in "xyz"], axis=-1) for which in "od")
     t, ids = exhaustive.nearest(scene.store, o, d)
@@ -443,7 +443,7 @@ def test_what_a_mirror_shows_sends_its_part_of_the_rays(written, ks, rays, each)
 
 def image_ids_of(scene, camera):
     """The index of the object that each corner's ray meets; -1 for none."""
-    rays = EyeRays(scene.store, camera, 0)
+    rays = EyeRays(scene.store, [camera], 0)
     rays = rays.read(len(rays))
     o, d = (np.stack([rays[f"{which}{axis}"] for axis in "xyz"], axis=-1) for which in "od")
     _, ids = exhaustive.nearest(scene.store, o, d)

@@ -179,7 +179,7 @@ def test_shards_on_workers(tmp_path, samples, lit):
     scene = both(tmp_path / "s", 3, lit=lit)
     views = [replace(scene.one.camera or VIEWS[0], resolution=SIZE)]
     views += scene.one.turntable(3, views[0])[1:]
-    settings = {"samples": samples, "aovs": AOVS, "depth": 3}
+    settings = {"samples": samples, "aovs": AOVS, "depth": 3, "ao": 2}
     expected = scene.one.render(camera=views, memory="160MiB", **settings)
     for image, camera in zip(expected, views, strict=True):
         single = scene.one.render(camera=camera, memory="160MiB", **settings)
@@ -271,3 +271,19 @@ def test_many_views_stay_inside_the_budget(scenes, tmp_path):
         done = run_in(group, [*command, *asked, *files, "--memory", "96MiB"], tmp_path)
         assert done.returncode == 0, done.stderr
     assert len(list(tmp_path.glob("a*.png"))) == 27
+
+
+@pytest.mark.parametrize("samples", [None, 3])
+@pytest.mark.parametrize("order", ["given", "spatial"])
+def test_openness_is_that_of_each_view_alone(scenes, order, samples):
+    """Rays of ambient occlusion are seeded by the pixel's number in its view."""
+    settings = {**SETTINGS, "samples": samples, "ao": 3, "lights": [bfrt.Sun(30, 40)]}
+    expected = [scenes[order].render(camera=camera, **settings) for camera in VIEWS]
+    same(scenes[order].render(camera=VIEWS, **settings), expected)
+    banded = tight(rows=7)(scenes[order])
+    same(banded.render(camera=VIEWS, **settings), expected)
+
+
+def test_openness_of_each_view_where_a_scene_has_no_light(unlit):
+    expected = [unlit.render(camera=camera, ao=2, threads=2) for camera in VIEWS]
+    same(unlit.render(camera=VIEWS, ao=2, threads=2), expected)

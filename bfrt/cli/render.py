@@ -52,13 +52,7 @@ def add_render(commands: Any) -> None:
         help="picture to write: .exr, .png or .npy; may be repeated; of several views with a "
         "place for the number, as view-{:03d}.png",
     )  # fmt: skip
-    made.add_argument(
-        "--contact-sheet", action=Once, metavar="FILE", help="write all views side by side: .png"
-    )
-    made.add_argument(
-        "--animation", action=Once, metavar="FILE",
-        help="write all views one after another: .png, or .gif (needs Pillow)",
-    )  # fmt: skip
+    _add_of_several(made)
     made.add_argument(
         "--memory", help="budget of the whole process, as 256MiB or 1GB (default: a quarter)"
     )
@@ -103,6 +97,17 @@ def add_render(commands: Any) -> None:
         "--max-grid", type=int, metavar="N", help="voxels on the longest axis at the most"
     )
     add_reading(made)
+
+
+def _add_of_several(made: argparse.ArgumentParser) -> None:
+    """Add the files that show several views."""
+    made.add_argument(
+        "--contact-sheet", action=Once, metavar="FILE", help="write all views side by side: .png"
+    )
+    made.add_argument(
+        "--animation", action=Once, metavar="FILE",
+        help="write all views one after another: .png, or .gif (needs Pillow)",
+    )  # fmt: skip
 
 
 def run_render(options: argparse.Namespace) -> None:

@@ -95,7 +95,7 @@ def render(client: Any, store: Store, views: Views, asked: Asked, report: Report
         prepared: Prepared = watch.result(preparing)
         task = Rendering(work.with_budget(prepared), views, watch.topic)
         rows, starts = prepared.bands.rows, prepared.bands.starts(height)
-        film = Film(width, height, views.samples, rows, views.aovs, views=frame.views)
+        film = Film(width, height, views.samples, rows, views.aovs, frame.views)
         image = ImageBuffer(width, height, scratch_of(store, views), frame.views)
         parts = [prepared.part]
         bands = [(n, *ends) for n, ends in enumerate(itertools.pairwise(starts))]

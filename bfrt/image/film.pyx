@@ -38,15 +38,11 @@ cdef class Film:
         Rows of the image that are in memory at a time; by default all.
     aovs : sequence of str
         Which of `records.ON_REQUEST` are kept too.
-    numbers : (elements,) uint32, optional
-        Of a film of some elements of a frame, their numbers there.
     views : int
         Views that lie side by side.
     """
 
-    def __cinit__(
-        self, int width, int height, int samples, held=None, aovs=(), numbers=None, int views=1
-    ):
+    def __cinit__(self, int width, int height, int samples, held=None, aovs=(), int views=1):
         self.corners = samples == 0
         self.samples = max(samples, 1)
         self.views = views
@@ -58,8 +54,12 @@ cdef class Film:
         self.ids = np.empty(elements, np.uint64)
         self.positions = np.empty((elements if "position" in aovs else 0, 3), np.float32)
         self.albedos = np.empty((elements if "albedo" in aovs else 0, 3), np.float32)
-        self.numbers = np.empty(0, np.uint32) if numbers is None else numbers
+        self.numbers = np.empty(0, np.uint32)
         self.clear(0)
+
+    def number(self, const uint32_t[::1] numbers):
+        """Say which elements of a frame this film has, where it has some only: their numbers."""
+        self.numbers = numbers
 
     def planes(self):
         """Return the arrays of all elements, each with its value where no ray has met anything."""

@@ -47,7 +47,9 @@ def seen_by(aovs: Sequence[str]) -> np.dtype[Any]:
 
 def film_of(elements: NDArray[np.uint32], aovs: Sequence[str]) -> Film:
     """Return an empty film of some elements, (n,), by their numbers in another."""
-    return Film(len(elements), 1, 1, aovs=aovs, numbers=elements)
+    film = Film(len(elements), 1, 1, aovs=aovs)
+    film.number(elements)
+    return film
 
 
 def part_of(
