@@ -81,6 +81,8 @@ LARGE = [
     Case("renderers", "teapot 124 --runs 1", "large"),
     *_table1("large", "mount:10 mount:11 tetra:10 tetra:11 tree:19 tree:21 balls:7 rings:94"),
     *_table1("large", "balls:8 mount:12 rings:135 teapot:877 tetra:12 tree:23"),
+    Case("refinements", "--scenes mount:12 --disk 200MB", "large"),
+    Case("refinements", "--scenes tetra:12 --disk 200MB", "large"),
     *_partitions("tracing", "large", "rings:94 rings:135 rings:200", 3),
     *_partitions("growth", "large", "rings:94 balls:6 balls:7 mount:9 mount:10 mount:11", 1),
     *_partitions("growth", "large", "tetra:9 tetra:11 tetra:12 tree:17 tree:19 tree:21", 1),

@@ -22,6 +22,7 @@ def refinements(found: list[dict[str, Any]]) -> Rows:
             "scene": row["scene"],
             "size": row["size"],
             "objects": row["objects"],
+            "disk": row["disk"],
             "refine": refine,
             "create": row["create"],
             "seconds": row[refine]["seconds"],

@@ -35,7 +35,7 @@ KINDS = {
     "renderers": Kind("renderers.py", (*_SCENE, "name"), "seconds", "s"),
     "steady": Kind("peers.py --steady", ("rays", "name"), "rate", "rays/s"),
     "loaded": Kind("tree.py rays", ("triangles", "rays", "name"), "rate", "rays/s"),
-    "refinements": Kind("refinements.py", (*_SCENE, "refine"), "seconds", "s"),
+    "refinements": Kind("refinements.py", (*_SCENE, "disk", "refine"), "seconds", "s"),
     "tree": Kind("tree.py scenes", (*_SCENE, "refine"), "tracing", "s"),
     "random": Kind("tree.py random", ("spheres", "refine"), "seconds", "s"),
     "ordering": Kind("ordering.py", ("kind", "shape", "objects", "order"), "closing", "s"),

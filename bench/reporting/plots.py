@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from statistics import geometric_mean
 from typing import Any
 
 import matplotlib
@@ -20,6 +21,7 @@ from reporting.kinds import Row, Rows
 COLORS = {
     "bfrt": "#c1272d", "open3d": "#2e6f9e", "mitsuba": "#3f8f3f", "trimesh": "#b8860b",
     "ovito": "#2e6f9e", "povray": "#2e6f9e", "tachyon": "#3f8f3f", "gdal_viewshed": "#2e6f9e",
+    "bfrt sgb": "#c1272d", "bfrt tree": "#e0a030",
     "base": "#8c8c8c", "sg": "#e0a030", "sgb": "#c1272d", "tree": "#2e6f9e",
 }  # fmt: skip
 
@@ -79,11 +81,11 @@ def growth(rows: Rows, path: Path, power: float | None) -> None:
             xs, ys = [x for x, _ in own], [y for _, y in own]
             axis.loglog(xs, ys, "o-", color="#c1272d" if k == 0 else f"C{k}", label=scene)
         if power is not None:
-            first, last = (pick(row["objects"] for row in rows) for pick in (min, max))
-            least = min(row["seconds"] for row in rows)
-            line = [least, least * (last / first) ** power]
+            ends = [pick(row["objects"] for row in rows) for pick in (min, max)]
+            x, y = (geometric_mean(row[name] for row in rows) for name in ("objects", "seconds"))
             said = f"objects to the power of {power:.2f}"
-            axis.plot([first, last], line, "--", color="#8c8c8c", label=said)
+            line = [y * (end / x) ** power for end in ends]
+            axis.plot(ends, line, "--", color="#8c8c8c", label=said)
         axis.set(xlabel="objects", ylabel="seconds of tracing, 256 MiB")
         axis.legend(fontsize="small")
 
@@ -116,7 +118,7 @@ def bars(rows: Rows, path: Path, groups: Sequence[str], column: str, unit: str) 
         for k, name in enumerate(names):
             own = [row for row in rows if str(row[series]) == name]
             at = [places.index(str(row[place])) + width * (k - (len(names) - 1) / 2) for row in own]
-            color = COLORS.get(name.split()[-1], COLORS.get(name.split()[0], f"C{k}"))
+            color = COLORS.get(name, f"C{k}")
             axis.bar(at, [row[column] for row in own], width * 0.92, color=color, label=name)
         axis.set_xticks(range(len(places)), places, fontsize="small")
         axis.set_ylabel(unit)

@@ -37,8 +37,9 @@ def count(value: Any) -> str:
 
 
 def table(head: Line, lines: Sequence[Line]) -> str:
-    """A simple table: words to the left, numbers to the right."""
+    """A simple table: words to the left, numbers to the right; without columns of dashes alone."""
     columns = [[name, *(line[k] for line in lines)] for k, name in enumerate(head)]
+    columns = [column for column in columns if set(column[1:]) != {"–"}]
     widths = [max(len(cell) for cell in column) for column in columns]
     right = [all(_is_number(cell) for cell in column[1:]) for column in columns]
     rule = "  ".join("=" * width for width in widths)
@@ -50,7 +51,8 @@ def table(head: Line, lines: Sequence[Line]) -> str:
         )
         return "  ".join(cells).rstrip()
 
-    return "\n".join([rule, text(head), rule, *map(text, lines), rule])
+    first, *others = zip(*columns, strict=True)
+    return "\n".join([rule, text(first), rule, *map(text, others), rule])
 
 
 def _is_number(cell: str) -> bool:
