@@ -86,6 +86,8 @@ def how(status: int) -> str:
     """How a process ended."""
     if status in (-9, 137):
         return "killed"
+    if status in (-6, 134):
+        return "aborted"  # as what gets no memory does by itself
     return f"exit status {status}" if status else ""
 
 

@@ -54,9 +54,9 @@ def _ends(rows: Rows, names: list[str]) -> list[str]:
     said = []
     for name in names:
         own = [row for row in rows if row["name"] == name]
-        killed = sum(row["end"] == "killed" for row in own)
-        said.append(f"{NAMES[name]} {killed} of {len(own)}")
-    text = [f"Killed for want of memory: {spoken(said)}."]
+        dead = sum(bool(row["end"]) for row in own)
+        said.append(f"{NAMES[name]} {dead} of {len(own)} times")
+    text = [f"Did not live under its cap: {spoken(said)}."]
     whole = [group for group in by(rows, "millions", "cap").values()
              if len(group) == len(names) > 1 and not any(row["end"] for row in group)]  # fmt: skip
     if whole:

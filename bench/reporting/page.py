@@ -151,9 +151,9 @@ def _of_kills(record: Record) -> str:
         return ""
     own = [row for row in rows if row["name"] == "bfrt"]
     other = [row for row in rows if row["name"] != "bfrt"]
-    killed = [sum(row["end"] == "killed" for row in some) for some in (own, other)]
+    killed = [sum(bool(row["end"]) for row in some) for some in (own, other)]
     return (
-        f"Under caps of memory bfrt is killed in {killed[0]} of {len(own)} runs, the programs that "
+        f"Under caps of memory bfrt dies in {killed[0]} of {len(own)} runs, the programs that "
         f"hold their scenes in {killed[1]} of {len(other)}."
     )
 
