@@ -182,4 +182,4 @@ def test_the_pages_build_without_a_warning(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "search.html").exists()
-    assert "written by bench/report.py" not in (tmp_path / "performance.html").read_text()
+    assert "Written by bench/report.py" not in (tmp_path / "performance.html").read_text()

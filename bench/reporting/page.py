@@ -43,12 +43,14 @@ SECTIONS = {
     "cluster": Section(("cluster",), costs.cluster),
 }
 
-WRITTEN = ".. This file is written by bench/report.py.\n\n"
+#: The first line of each file, which names the report that it is of.
+WRITTEN = ".. Written by bench/report.py from {}.\n\n"
 
 
 def write_page(record: Record, folder: Path) -> None:
     """Write all parts into a folder, in place of what it has."""
     folder.mkdir(exist_ok=True)
+    written = WRITTEN.format(record.path.name)
     parts = {name: _part(record, name, section) for name, section in SECTIONS.items()}
     for name, part in parts.items():
         picture = folder / f"{name}.png"
@@ -56,9 +58,9 @@ def write_page(record: Record, folder: Path) -> None:
         if part and part.draw:
             part.draw(picture)
         text = _text(name, part, picture.exists())
-        (folder / f"{name}.rst").write_text(WRITTEN + text)
-    (folder / "summary.rst").write_text(WRITTEN + _summary(record, folder))
-    (folder / "machine.rst").write_text(WRITTEN + _machine(record))
+        (folder / f"{name}.rst").write_text(written + text)
+    (folder / "summary.rst").write_text(written + _summary(record, folder))
+    (folder / "machine.rst").write_text(written + _machine(record))
 
 
 def _part(record: Record, name: str, section: Section) -> Part | None:
