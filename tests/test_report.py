@@ -16,8 +16,9 @@ from reporting import machine, running
 from reporting.cases import CASES, SIZES, Case, cases_of
 from reporting.flat import rows_of
 from reporting.kinds import KINDS, key_of
-from reporting.page import SECTIONS, write_page
+from reporting.page import write_page
 from reporting.record import Record
+from reporting.sections import SECTIONS
 from reporting.tables import number, table
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -7,7 +7,7 @@ from functools import partial
 from bfrt.memory import parse_memory
 from reporting import plots
 from reporting.kinds import Row, Rows
-from reporting.parts import Part, by, one, spoken, times
+from reporting.parts import Part, by, one, spaced, spoken, times
 from reporting.record import Record
 from reporting.tables import count, mib, number, table
 
@@ -33,14 +33,14 @@ def _under_caps(rows: Rows, what: str) -> Part:
     lines = []
     for (millions, cap), own in by(rows, "millions", "cap").items():
         cells = [_cell(one(own, name=name)) for name in names]
-        lines.append([f"{millions:g}", str(cap), *(c for pair in cells for c in pair)])
+        lines.append([f"{millions:g}", spaced(str(cap)), *(c for pair in cells for c in pair)])
     head = [f"M {what}", "cap"]
     for name in names:
         head += [f"{NAMES[name]}, s", "MiB"]
     timed = [row for row in rows if "seconds" in row or row["end"]]
     shown = [{**row, "seconds": row.get("seconds") or 0.1} for row in timed]
     draw = partial(plots.against_size, shown, what=what)
-    return Part(" ".join(_ends(rows, names)), table(head, lines), draw)
+    return Part(f"{_deaths(rows, names)} {where_all_live(rows)}".strip(), table(head, lines), draw)
 
 
 def _cell(row: Row | None) -> tuple[str, str]:
@@ -49,26 +49,33 @@ def _cell(row: Row | None) -> tuple[str, str]:
     return (row["end"], "–") if row["end"] else (number(row["seconds"]), mib(row.get("peak")))
 
 
-def _ends(rows: Rows, names: list[str]) -> list[str]:
-    """How many of each were killed, and how fast bfrt is where there is memory for all."""
+def _deaths(rows: Rows, names: list[str]) -> str:
+    """How many runs of each program died of their cap."""
     said = []
     for name in names:
         own = [row for row in rows if row["name"] == name]
-        dead = sum(bool(row["end"]) for row in own)
-        said.append(f"{NAMES[name]} {dead} of {len(own)} times")
-    text = [f"Did not live under its cap: {spoken(said)}."]
-    whole = [group for group in by(rows, "millions", "cap").values()
-             if len(group) == len(names) > 1 and not any(row["end"] for row in group)]  # fmt: skip
-    if whole:
-        last = whole[-1]
-        own = one(last, name="bfrt")
-        ratios = spoken(
-            f"{times(row['seconds'] / own['seconds'])} {NAMES[row['name']]}"
-            for row in last
-            if own and row is not own
-        )
-        text.append(f"At {last[0]['millions']:g} million in {last[0]['cap']} bfrt is {ratios}.")
-    return text
+        said.append(f"{NAMES[name]} {sum(bool(row['end']) for row in own)} of {len(own)}")
+    return f"Runs that died of their cap: {spoken(said)}."
+
+
+def where_all_live(rows: Rows) -> str:
+    """How fast bfrt is at the largest size and cap where there is memory for all; else nothing."""
+    names = {row["name"] for row in rows}
+    rows = sorted(rows, key=lambda row: (row["millions"], parse_memory(row["cap"])))
+    whole = [
+        group
+        for group in by(rows, "millions", "cap").values()
+        if len(group) == len(names) > 1 and not any(row["end"] for row in group)
+    ]
+    own = one(whole[-1], name="bfrt") if whole else None
+    if own is None:
+        return ""
+    ratios = spoken(
+        f"{times(row['seconds'] / own['seconds'])} {NAMES[row['name']]}"
+        for row in whole[-1]
+        if row is not own
+    )
+    return f"At {own['millions']:g} million in {spaced(own['cap'])} bfrt is {ratios}."
 
 
 def renderers(record: Record) -> Part:
@@ -99,7 +106,7 @@ def terrain(record: Record) -> Part:
     """A raster's conversion and viewsheds, beside GDAL's."""
     rows = record.rows("terrain")
     lines = [
-        [count(row["side"]), row["work"], NAMES[row["name"]], row["cap"],
+        [count(row["side"]), row["work"], NAMES[row["name"]], spaced(row["cap"]),
          *((row["end"], "–") if row["end"] else (number(row["seconds"]), mib(row["peak"])))]
         for row in rows
     ]  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -51,6 +52,11 @@ def power(rows: Rows) -> float | None:
 def times(ratio: float) -> str:
     """A ratio in words: 2.3 times as fast, or 0.84 of the speed."""
     return f"{ratio:.1f} times as fast as" if ratio >= 1 else f"{ratio:.2f} of the speed of"
+
+
+def spaced(cap: str) -> str:
+    """A cap as text has it: 256 MiB for 256MiB."""
+    return re.sub(r"(\d)([A-Z])", r"\1 \2", cap)
 
 
 def spoken(words: Iterable[str]) -> str:

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 
 from bfrt.memory import parse_memory
 from reporting.kinds import Row, Rows
+from reporting.parts import spaced
 
 #: A color for each program and refinement, so that it is the same in all pictures.
 COLORS = {
@@ -54,7 +55,7 @@ def against_size(rows: Rows, path: Path, what: str) -> None:
             for k, name in enumerate(names):
                 own = [row for row in rows if (row["cap"], row["name"]) == (cap, name)]
                 _line_and_crosses(axis, own, name, top * 1.25**k)
-            axis.set(xscale="log", yscale="log", xlabel=f"millions of {what}", title=f"in {cap}")
+            axis.set(xscale="log", yscale="log", xlabel=f"millions of {what}", title=spaced(cap))
             ticks = sorted({row["millions"] for row in rows})
             axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
             axis.minorticks_off()
