@@ -53,6 +53,7 @@ def _machine(record: Record) -> str:
         f"{machine['processor']} with {machine['cores']} cores and "
         f"{machine['memory'] / 2**30:.0f} GiB, {machine['system']}. Memory is capped by: "
         f"{machine['cap']}. Programs: {named}.",
+        *([found["note"]] if "note" in found else []),
     ]
     head = ["probe at, UTC", "disk, write MB/s", "disk, read MB/s", "loop, one process, s",
             "loop, one a core, s"]  # fmt: skip
