@@ -33,6 +33,9 @@ from saved import save
 from bfrt.memory import parse_memory
 
 RAYS = 1024
+
+#: Modules that a program needs beside its own.
+NEEDS = {"trimesh": ("embreex",)}
 ONE = str(Path(__file__).with_name("peer.py"))
 
 
@@ -64,9 +67,10 @@ def save_rays(folder: Path, rays: np.ndarray) -> None:
 
 
 @functools.cache
-def has(python: str, module: str) -> bool:
-    """Whether a Python finds a module."""
-    asked = f"import importlib.util, sys; sys.exit(not importlib.util.find_spec({module!r}))"
+def has(python: str, name: str) -> bool:
+    """Whether a Python finds a program's modules."""
+    modules = (name, *NEEDS.get(name, ()))
+    asked = f"import importlib.util as u, sys; sys.exit(not all(map(u.find_spec, {modules})))"
     return subprocess.run([python, "-c", asked], check=False).returncode == 0
 
 
@@ -86,8 +90,6 @@ def how(status: int) -> str:
     """How a process ended."""
     if status in (-9, 137):
         return "killed"
-    if status in (-6, 134):
-        return "aborted"  # as what gets no memory does by itself
     return f"exit status {status}" if status else ""
 
 
@@ -161,8 +163,11 @@ def steady(folder: Path, rounds: int, others: list[str]) -> list[dict[str, Any]]
                 python, ONE, name, str(ply), str(folder / "rays"),
                 str(folder / "hits.npy"), "--rounds", str(rounds), "--memory", "4GiB",
             ]  # fmt: skip
-            said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            seconds = statistics.median(float(line) for line in said.split()[-rounds:])
+            done = subprocess.run(command, check=name == "bfrt", stdout=subprocess.PIPE, text=True)
+            if done.returncode:
+                print(f"{name}: {how(done.returncode)}: it is left out", flush=True)
+                continue
+            seconds = statistics.median(float(line) for line in done.stdout.split()[-rounds:])
             rate = RAYS * RAYS / seconds
             rows.append({"rays": kind, "name": name, "rate": rate})
             print(f"{kind:10} {name:8} {rate / 1e6:8.2f} M rays/s", flush=True)

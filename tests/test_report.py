@@ -18,7 +18,8 @@ from reporting.flat import rows_of
 from reporting.kinds import KINDS, key_of
 from reporting.page import write_page
 from reporting.record import Record
-from reporting.sections import SECTIONS
+from reporting.sections import SECTIONS, part_of
+from reporting.summary import lines_of
 from reporting.tables import number, table
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -178,3 +179,13 @@ def test_the_command_makes_the_page_anew(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", words)
     assert report.main() == 0
     assert (tmp_path / "page" / "memory.rst").exists()
+
+
+@pytest.mark.parametrize("path", HISTORY, ids=lambda path: path.stem)
+def test_a_page_can_be_made_of_any_one_case(path):
+    record = Record.read(path)
+    for name, case in record.cases.items():
+        alone = Record(path, {**record.found, "cases": {name: case}})
+        made = [section for section in SECTIONS if part_of(alone, section)]
+        assert made or case["kind"] == "random"  # which is told beside others
+        assert len(lines_of(alone)) <= 10

@@ -17,6 +17,10 @@ NAMES = {"bfrt": "bfrt", "open3d": "Open3D", "mitsuba": "Mitsuba 3", "trimesh": 
          "gdal_viewshed": "gdal_viewshed"}  # fmt: skip
 
 
+#: The end of a run that took more memory than its cap.
+KILLED = "killed"
+
+
 def peers(record: Record) -> Part:
     """A mesh's file to a million rays' hits."""
     return _under_caps(record.rows("peers"), "triangles")
@@ -37,7 +41,7 @@ def _under_caps(rows: Rows, what: str) -> Part:
     head = [f"M {what}", "cap"]
     for name in names:
         head += [f"{NAMES[name]}, s", "MiB"]
-    timed = [row for row in rows if "seconds" in row or row["end"]]
+    timed = [row for row in rows if row["end"] in ("", KILLED)]
     shown = [{**row, "seconds": row.get("seconds") or 0.1} for row in timed]
     draw = partial(plots.against_size, shown, what=what)
     return Part(f"{_deaths(rows, names)} {where_all_live(rows)}".strip(), table(head, lines), draw)
@@ -51,17 +55,20 @@ def _cell(row: Row | None) -> tuple[str, str]:
 
 def _deaths(rows: Rows, names: list[str]) -> str:
     """How many runs of each program died of their cap."""
-    said = []
+    said, failed = [], []
     for name in names:
         own = [row for row in rows if row["name"] == name]
-        said.append(f"{NAMES[name]} {sum(bool(row['end']) for row in own)} of {len(own)}")
-    return f"Runs that died of their cap: {spoken(said)}."
+        said.append(f"{NAMES[name]} {sum(row['end'] == KILLED for row in own)} of {len(own)}")
+        if faults := {row["end"] for row in own} - {"", KILLED}:
+            failed.append(f"{NAMES[name]} does not work on this machine ({spoken(faults)}).")
+    return " ".join([f"Runs that died of their cap: {spoken(said)}.", *failed])
 
 
 def where_all_live(rows: Rows) -> str:
     """How fast bfrt is at the largest size and cap where there is memory for all; else nothing."""
+    rows = [row for row in rows if row["end"] in ("", KILLED)]
     names = {row["name"] for row in rows}
-    rows = sorted(rows, key=lambda row: (row["millions"], parse_memory(row["cap"])))
+    rows.sort(key=lambda row: (row["millions"], parse_memory(row["cap"])))
     whole = [
         group
         for group in by(rows, "millions", "cap").values()

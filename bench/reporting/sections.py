@@ -84,11 +84,10 @@ SECTIONS = {
 def part_of(record: Record, name: str) -> Part | None:
     """Make a section's part of a report; None where nothing of it was measured."""
     section = SECTIONS[name]
-    if name == "slow_disk":
-        there = bool(speed.disks(record))
-    else:
-        there = any(record.rows(kind) for kind in section.kinds)
-    return section.part(record) if there else None
+    rows = [row for kind in section.kinds for row in record.rows(kind)]
+    if name in ("pictures", "slow_disk"):
+        rows = [row for row in rows if bool(row["disk"]) == (name == "slow_disk")]
+    return section.part(record) if rows else None
 
 
 def command_of(name: str) -> str:

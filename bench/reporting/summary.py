@@ -22,7 +22,7 @@ def _of_peers(record: Record) -> str:
         return ""
     most = max(own, key=lambda row: row["millions"])
     at = [row for row in rows if (row["millions"], row["cap"]) == (most["millions"], most["cap"])]
-    others = [row for row in at if row["name"] != "bfrt"]
+    others = [r for r in at if r["name"] != "bfrt" and r["end"] in ("", beside.KILLED)]
     told = [
         f"{beside.NAMES[row['name']]} is {row['end']}"
         if row["end"]
@@ -42,11 +42,12 @@ def _of_speed(record: Record) -> str:
 
 def _of_kills(record: Record) -> str:
     rows = record.rows("peers") + record.rows("particles")
+    rows = [row for row in rows if row["end"] in ("", beside.KILLED)]
     if not rows:
         return ""
     own = [row for row in rows if row["name"] == "bfrt"]
     other = [row for row in rows if row["name"] != "bfrt"]
-    killed = [sum(bool(row["end"]) for row in some) for some in (own, other)]
+    killed = [sum(row["end"] == beside.KILLED for row in some) for some in (own, other)]
     return (
         f"Under caps of memory bfrt dies in {killed[0]} of {len(own)} runs, the programs that "
         f"hold their scenes in {killed[1]} of {len(other)}."
