@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from capped import CAP, drop, run_capped
+from saved import save
 
 #: Sweeps of base that are timed.
 SWEEPS = 2
@@ -110,8 +111,7 @@ def main() -> None:
             found = measured(scene, int(size), arguments.views, Path(folder), arguments.pictures)
         print(summary(found), flush=True)
         rows += found
-        if arguments.json:
-            arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
+        save(arguments.json, rows)
 
 
 if __name__ == "__main__":

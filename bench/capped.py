@@ -121,7 +121,10 @@ def peak_of(group: Path) -> int:
 
 
 def run_capped(
-    arguments: list[str], amount: int, disk: tuple[Path, int] | None = None
+    arguments: list[str],
+    amount: int,
+    disk: tuple[Path, int] | None = None,
+    python: str = sys.executable,
 ) -> tuple[int, int]:
     """Run ``python arguments`` inside a cgroup, or else under RLIMIT_DATA.
 
@@ -129,6 +132,8 @@ def run_capped(
     ----------
     disk : (Path, int), optional
         A folder, of whose disk so many bytes are read in a second at the most.
+    python : str, optional
+        Another Python than this one.
 
     Returns
     -------
@@ -136,7 +141,7 @@ def run_capped(
         The exit status, and the most bytes held: the cgroup's, or the process's resident ones.
     """
     with memory_cap(amount) as group:
-        command = [sys.executable, *arguments]
+        command = [python, *arguments]
         if group is None:
             if disk:
                 raise SystemExit("reads of a disk are capped by a cgroup, and none could be made")

@@ -25,6 +25,7 @@ from typing import Any
 import stores
 from capped import CAP, drop, how_capped, run_capped
 from case import digest
+from saved import save
 
 import bfrt
 
@@ -108,8 +109,14 @@ def told(every: float | None, plain: list[Facts], runs: list[Facts]) -> str:
     )
 
 
-def measure(scene: str, options: argparse.Namespace, folder: Path) -> None:
-    """Render a scene in all ways in turn, and print what came of each."""
+def facts_of(every: float | None, runs: list[Facts]) -> Facts:
+    """Medians of the runs; no interval is None."""
+    row = {name: statistics.median(run[name] for run in runs) for name in ("seconds", "written")}
+    return {"every": every, **row, "saves": sum(len(run["saves"]) for run in runs) / len(runs)}
+
+
+def measure(scene: str, options: argparse.Namespace, folder: Path) -> list[Facts]:
+    """Render a scene in all ways in turn; print what came of each, and return it."""
     name, size = scene.split(":")
     store = stores.made(name, int(size), folder, stores.ORDERS[options.refine])
     ways: list[float | None] = [None, *options.every]
@@ -122,6 +129,8 @@ def measure(scene: str, options: argparse.Namespace, folder: Path) -> None:
     print(f"{scene}, {options.refine}, {options.runs} runs each, capped by {how_capped()}")
     for every in ways:
         print(told(every, runs[None], runs[every]), flush=True)
+    given = {"scene": name, "size": int(size), "refine": options.refine}
+    return [{**given, **facts_of(every, found)} for every, found in runs.items()]
 
 
 def main() -> None:
@@ -134,11 +143,14 @@ def main() -> None:
     parser.add_argument("--every", type=float, nargs="+", default=[60.0], help="seconds (60)")
     parser.add_argument("--runs", type=int, default=3, help="of each, in turn (3)")
     parser.add_argument("--refine", choices=stores.ORDERS, default="tree")
+    parser.add_argument("--json", type=Path)
     parser.add_argument("--folder", type=Path, help="where stores and checkpoints lie meanwhile")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+        rows: list[Facts] = []
         for scene in options.scene:
-            measure(scene, options, Path(folder))
+            rows += measure(scene, options, Path(folder))
+            save(options.json, rows)
 
 
 if __name__ == "__main__":

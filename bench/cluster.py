@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from capped import inside, memory_cap, run_capped
 from case import digest
+from saved import save
 from stores import ORDERS, made
 
 import bfrt
@@ -229,17 +230,17 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=1_000_000)
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--folder", type=Path, help="where stores are made")
     given = parser.parse_args()
     name, size = given.scene.split(":")
     every = {}
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=given.folder) as folder:
         for refine in given.refine:
             store = made(name, int(size), Path(folder), ORDERS[refine])
             work = Work(str(store), refine, given.pixels, given.rays, given.runs)
             every[refine] = measured(work, Path(folder))
             print(f"{given.scene} {refine}\n{told(every[refine])}", flush=True)
-    if given.json:
-        given.json.write_text(json.dumps(every, indent=2))
+    save(given.json, every)
 
 
 if __name__ == "__main__":

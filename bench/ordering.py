@@ -1,19 +1,20 @@
 """What it takes to write a store in spatial order, beside one in the order given.
 
-    python bench/ordering.py sphere random 1000000
+    python bench/ordering.py sphere random 1000000 --json order.json
 
 prints the medians of three: seconds of the whole store, and of what follows the last object.
 """
 
 from __future__ import annotations
 
+import argparse
 import statistics
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from saved import save
 
 from bfrt.store.ordering._loops import codes_of
 from bfrt.store.writer import StoreWriter
@@ -49,15 +50,31 @@ def written(path, kind, centers, order):
     return end - start, end - given
 
 
-def main(kind, shape, number):
-    centers = centers_of(int(number), shape == "local")
-    with tempfile.TemporaryDirectory() as folder:
-        for order in ("given", "spatial"):
-            runs = [written(Path(folder) / "a", kind, centers, order) for _ in range(3)]
-            whole, closing = (statistics.median(times) for times in zip(*runs, strict=True))
-            rate = len(centers) / closing / 1e6
-            print(f"{order}: {whole:.3f} s, {closing:.3f} s at the end, {rate:.2f} M objects/s")
+def measured(kind, shape, count, folder):
+    """A row for each order of the store."""
+    centers = centers_of(count, shape == "local")
+    rows = []
+    for order in ("given", "spatial"):
+        runs = [written(folder / "a", kind, centers, order) for _ in range(3)]
+        whole, closing = (statistics.median(times) for times in zip(*runs, strict=True))
+        rate = count / closing / 1e6
+        print(f"{order}: {whole:.3f} s, {closing:.3f} s at the end, {rate:.2f} M objects/s")
+        row = {"kind": kind, "shape": shape, "objects": count, "order": order}
+        rows.append({**row, "seconds": whole, "closing": closing})
+    return rows
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("kind", choices=("sphere", "triangle"))
+    parser.add_argument("shape", choices=("local", "random"))
+    parser.add_argument("number", type=int)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--folder", type=Path, help="where stores are made")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=given.folder) as folder:
+        save(given.json, measured(given.kind, given.shape, given.number, Path(folder)))
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

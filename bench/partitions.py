@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from capped import CAP, drop, run_capped
+from saved import save
 from stores import ORDERS, made
 
 import bfrt
@@ -33,6 +34,9 @@ from bfrt.store.store import open_store
 #: The grid of the paper's table 2: 128 voxels an axis, in upper voxels of so many a side.
 SIDE = 128
 LOWERS = (1, 2, 4)
+
+
+Rows = list[dict[str, Any]]
 
 
 class Line(NamedTuple):
@@ -76,8 +80,9 @@ def rendered(store: Path, folder: Path, **settings: Any) -> dict[str, Any]:
     return found
 
 
-def levels(scene: str, sizes: list[int], runs: int) -> None:
+def levels(scene: str, sizes: list[int], runs: int) -> Rows:
     """The time without preprocess of a grid of one level, over that of two."""
+    rows = []
     for size in sizes:
         with tempfile.TemporaryDirectory() as name:
             store = made(scene, size, Path(name))
@@ -100,11 +105,14 @@ def levels(scene: str, sizes: list[int], runs: int) -> None:
             f"{one / four:6.2f}",
             flush=True,
         )
+        for lower, each in zip(LOWERS, (one, two, four), strict=True):
+            rows.append({"scene": scene, "size": size, "lower": lower, "seconds": each})
+    return rows
 
 
-def growth(scene: str, sizes: list[int], runs: int) -> list[Line]:
+def growth(scene: str, sizes: list[int], runs: int) -> Rows:
     """Seconds against objects, marks included: free, and limited."""
-    free, limited = Line(scene, "-o", [], []), Line("", "--", [], [])
+    rows = []
     for size in sizes:
         with tempfile.TemporaryDirectory() as name:
             store = made(scene, size, Path(name))
@@ -117,29 +125,45 @@ def growth(scene: str, sizes: list[int], runs: int) -> list[Line]:
                 ]
                 medians.append(float(np.median(found)))
         print(f"{scene:7} {size:5} {objects:12,} {medians[0]:8.2f} {medians[1]:8.2f}", flush=True)
-        for line, median in zip((free, limited), medians, strict=True):
-            line.objects.append(objects)
-            line.seconds.append(median)
-    return [free, limited]
+        for grid, median in zip(("free", str(SIDE)), medians, strict=True):
+            row = {"scene": scene, "size": size, "objects": objects, "grid": grid}
+            rows.append({**row, "seconds": median})
+    return rows
 
 
-def tracing(scene: str, sizes: list[int], runs: int) -> list[Line]:
-    """Seconds of tracing against objects, marks there, and the exponent of what grows so."""
-    counts: list[int] = []
-    seconds: list[float] = []
+def tracing(scene: str, sizes: list[int], runs: int) -> Rows:
+    """Seconds of tracing against objects, marks there."""
+    rows = []
     for size in sizes:
         with tempfile.TemporaryDirectory() as name:
             store = made(scene, size, Path(name))
-            counts.append(bfrt.open(store).objects)
+            objects = bfrt.open(store).objects
             rendered(store, Path(name))  # makes the marks
             found = [rendered(store, Path(name))["seconds"] for _ in range(runs)]
-            seconds.append(float(np.median(found)))
-        print(f"{scene:7} {size:5} {counts[-1]:14,} {seconds[-1]:8.2f}", flush=True)
-    fit = np.polyfit(np.log(counts), np.log(seconds), 1)
-    said = f"objects to the power of {fit[0]:.2f}"
-    print(f"seconds grow like {said}")
-    through = np.exp(np.polyval(fit, np.log(counts))).tolist()
-    return [Line(scene, "o", counts, seconds), Line(said, "-", counts, through)]
+            seconds = float(np.median(found))
+        rows.append({"scene": scene, "size": size, "objects": objects, "seconds": seconds})
+        print(f"{scene:7} {size:5} {objects:14,} {seconds:8.2f}", flush=True)
+    return rows
+
+
+def lines_of(rows: Rows) -> list[Line]:
+    """What `growth` or `tracing` has measured, as lines: each scene's, dashed where the grid is
+    limited, and what seconds grow like."""
+    lines: dict[tuple[str, str], Line] = {}
+    for row in rows:
+        grid = row.get("grid", "")
+        label, style = (row["scene"], "-o") if grid != str(SIDE) else ("", "--")
+        line = lines.setdefault((row["scene"], grid), Line(label, style, [], []))
+        line.objects.append(row["objects"])
+        line.seconds.append(row["seconds"])
+    if len(rows) > 1 and "grid" not in rows[0]:
+        objects, seconds = ([row[name] for row in rows] for name in ("objects", "seconds"))
+        fit = np.polyfit(np.log(objects), np.log(seconds), 1)
+        said = f"objects to the power of {fit[0]:.2f}"
+        print(f"seconds grow like {said}")
+        through = np.exp(np.polyval(fit, np.log(objects))).tolist()
+        return [*lines.values(), Line(said, "-", objects, through)]
+    return [*lines.values()]
 
 
 def draw(lines: list[Line], path: Path) -> None:
@@ -164,13 +188,14 @@ def draw(lines: list[Line], path: Path) -> None:
     figure.savefig(path)
 
 
-def stadium(size: int, runs: int) -> None:
+def stadium(size: int, runs: int) -> Rows:
     """A teapot in a hall 200 times its size, 128 x 128 pixels: in one group and in two by the
     grid, in one by the tree."""
     scene = bfrt.spd.teapot(size)
     steps = np.arange(-600.0, 601.0, 10.0)
     corners = np.stack(np.meshgrid(steps, steps, [-20.0]), axis=-1).reshape(-1, 1, 3)
     seats = (corners + np.array([[0, 0, 0], [6, 0, 0], [0, 6, 1]])).astype(np.float32)
+    rows = []
     with tempfile.TemporaryDirectory() as name:
         for groups, refine in ((1, "sgb"), (2, "sgb"), (1, "tree")):
             store = Path(name) / f"{groups}.{refine}.bfrt"
@@ -188,6 +213,10 @@ def stadium(size: int, runs: int) -> None:
                 f"{found[0]['box_tests'] / 1e6:,.1f} million box tests",
                 flush=True,
             )
+            row = {"size": size, "refine": refine, "groups": groups, "seconds": seconds}
+            row["objects"] = scene.objects + len(seats)
+            rows.append({**row, "box_tests": found[0]["box_tests"]})
+    return rows
 
 
 def main() -> None:
@@ -200,20 +229,22 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=60, help="of the teapot")
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--plot", type=Path, help="of growth or tracing: a picture to draw")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--folder", type=Path, help="where stores are made")
     arguments = parser.parse_args()
+    if arguments.folder:
+        tempfile.tempdir = str(arguments.folder)
     if arguments.what == "stadium":
-        stadium(arguments.size, arguments.runs)
+        save(arguments.json, stadium(arguments.size, arguments.runs))
         return
-    lines: list[Line] = []
+    work = {"levels": levels, "growth": growth, "tracing": tracing}[arguments.what]
+    rows: Rows = []
     for wanted in arguments.scenes:
         scene, _, sizes = wanted.partition(":")
-        given = scene, [int(size) for size in sizes.split(",")], arguments.runs
-        if arguments.what == "levels":
-            levels(*given)
-        else:
-            lines += (growth if arguments.what == "growth" else tracing)(*given)
+        rows += work(scene, [int(size) for size in sizes.split(",")], arguments.runs)
+        save(arguments.json, rows)
     if arguments.plot:
-        draw(lines, arguments.plot)
+        draw(lines_of(rows), arguments.plot)
 
 
 if __name__ == "__main__":

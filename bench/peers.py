@@ -8,19 +8,19 @@
 A terrain as binary PLY, and a million rays from a camera above it. Each program is a process of
 its own inside a memory cgroup, with its files dropped from the page cache before; programs take
 turns. Told are seconds, the cgroup's peak, or how it died; answers are compared with bfrt's. Those
-that are not installed are left out, said so.
+that are not installed, here or in a Python that ``--python`` names, are left out, said so.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
-import json
+import functools
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,14 @@ import numpy as np
 from capped import drop, run_capped
 from data import terrain
 from peer import PEERS
+from saved import save
 
 from bfrt.memory import parse_memory
 
 RAYS = 1024
+
+#: Modules that a program needs beside its own.
+NEEDS = {"trimesh": ("embreex",)}
 ONE = str(Path(__file__).with_name("peer.py"))
 
 
@@ -62,10 +66,23 @@ def save_rays(folder: Path, rays: np.ndarray) -> None:
     np.save(folder / "directions.npy", rays[:, 3:])
 
 
-def installed() -> list[str]:
-    found = [name for name in PEERS if importlib.util.find_spec(name)]
-    for name in set(PEERS) - set(found):
-        print(f"{name} is not installed: it is left out")
+@functools.cache
+def has(python: str, name: str) -> bool:
+    """Whether a Python finds a program's modules."""
+    modules = (name, *NEEDS.get(name, ()))
+    asked = f"import importlib.util as u, sys; sys.exit(not all(map(u.find_spec, {modules})))"
+    return subprocess.run([python, "-c", asked], check=False).returncode == 0
+
+
+def pythons_of(names: Iterable[str], others: Sequence[str]) -> dict[str, str]:
+    """The Python of each program that one has: this one, or the first of the others."""
+    found = {}
+    for name in names:
+        python = next((p for p in (sys.executable, *others) if has(p, name)), None)
+        if python is None:
+            print(f"{name} is not installed: it is left out", flush=True)
+        else:
+            found[name] = python
     return found
 
 
@@ -76,15 +93,16 @@ def how(status: int) -> str:
     return f"exit status {status}" if status else ""
 
 
-def run(name: str, cap: str, ply: Path, rays: Path, hits: Path) -> dict[str, Any]:
-    """One run: seconds, peak and end."""
+def run(program: tuple[str, str], cap: str, ply: Path, rays: Path, hits: Path) -> dict[str, Any]:
+    """One run of a program by its Python: seconds, peak and end."""
+    name, python = program
     for file in (ply, rays):
         drop(file)
     hits.unlink(missing_ok=True)
     amount = parse_memory(cap)
     command = [ONE, name, str(ply), str(rays), str(hits), "--memory", cap]
     start = time.perf_counter()
-    status, peak = run_capped(command, amount)
+    status, peak = run_capped(command, amount, python=python)
     seconds = time.perf_counter() - start
     return {"seconds": seconds, "peak": peak, "end": how(status)}
 
@@ -99,17 +117,22 @@ def compare(own: np.ndarray, other: np.ndarray) -> dict[str, float]:
     }
 
 
-def measure(millions: float, caps: list[str], runs: int, folder: Path) -> list[dict[str, Any]]:
+def measure(
+    millions: float, caps: list[str], runs: int, folder: Path, others: list[str]
+) -> list[dict[str, Any]]:
+    """A row for each cap and program."""
+    programs = pythons_of(PEERS, others)
     side = round((millions * 1e6 / 2) ** 0.5) + 1
     ply, rays = folder / "terrain.ply", folder / "rays"
     terrain(side, ply)
     save_rays(rays, camera_rays(side))
     rows = []
     for cap in caps:
-        found: dict[str, list[dict[str, Any]]] = {name: [] for name in installed()}
+        found: dict[str, list[dict[str, Any]]] = {name: [] for name in programs}
         for _ in range(runs):
             for name, all_runs in found.items():
-                all_runs.append(run(name, cap, ply, rays, folder / f"{name}.npy"))
+                program = name, programs[name]
+                all_runs.append(run(program, cap, ply, rays, folder / f"{name}.npy"))
         own = np.load(folder / "bfrt.npy")
         for name, all_runs in found.items():
             row = {"millions": millions, "cap": cap, "name": name, "end": all_runs[0]["end"]}
@@ -126,21 +149,29 @@ def measure(millions: float, caps: list[str], runs: int, folder: Path) -> list[d
     return rows
 
 
-def steady(folder: Path, rounds: int) -> None:
-    """Millions of rays a second of a terrain of a million triangles."""
+def steady(folder: Path, rounds: int, others: list[str]) -> list[dict[str, Any]]:
+    """Rays a second of a terrain of a million triangles."""
     side = 708
+    rows = []
+    programs = pythons_of(PEERS, others)
     ply = folder / "terrain.ply"
     terrain(side, ply)
     for kind, seed in (("coherent", None), ("incoherent", 1)):
         save_rays(folder / "rays", camera_rays(side, seed))
-        for name in installed():
+        for name, python in programs.items():
             command = [
-                sys.executable, ONE, name, str(ply), str(folder / "rays"),
+                python, ONE, name, str(ply), str(folder / "rays"),
                 str(folder / "hits.npy"), "--rounds", str(rounds), "--memory", "4GiB",
             ]  # fmt: skip
-            said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            seconds = statistics.median(float(line) for line in said.split()[-rounds:])
-            print(f"{kind:10} {name:8} {RAYS * RAYS / seconds / 1e6:8.2f} M rays/s", flush=True)
+            done = subprocess.run(command, check=name == "bfrt", stdout=subprocess.PIPE, text=True)
+            if done.returncode:
+                print(f"{name}: {how(done.returncode)}: it is left out", flush=True)
+                continue
+            seconds = statistics.median(float(line) for line in done.stdout.split()[-rounds:])
+            rate = RAYS * RAYS / seconds
+            rows.append({"rays": kind, "name": name, "rate": rate})
+            print(f"{kind:10} {name:8} {rate / 1e6:8.2f} M rays/s", flush=True)
+    return rows
 
 
 def main() -> None:
@@ -149,18 +180,19 @@ def main() -> None:
     parser.add_argument("--caps", nargs="*", default=["256MiB", "1GiB", "4GiB"])
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--steady", action="store_true")
+    parser.add_argument("--python", nargs="*", default=[], help="others, that have the peers")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--folder", type=Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=arguments.folder) as name:
         if arguments.steady:
-            steady(Path(name), arguments.runs)
+            save(arguments.json, steady(Path(name), arguments.runs, arguments.python))
             return
         rows = []
         for millions in arguments.millions:
-            rows += measure(millions, arguments.caps, arguments.runs, Path(name))
-            if arguments.json:
-                arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
+            given = arguments.caps, arguments.runs, Path(name), arguments.python
+            rows += measure(millions, *given)
+            save(arguments.json, rows)
 
 
 if __name__ == "__main__":

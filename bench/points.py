@@ -17,10 +17,12 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from capped import drop, run_capped
 from peers import how
+from saved import save
 
 from bfrt.memory import parse_memory
 
@@ -149,22 +151,26 @@ def converted(path: Path, memory: str, radius: float | str) -> float:
         return time.monotonic() - start
 
 
-def tell(name: str, path: Path, asked: argparse.Namespace) -> None:
-    """Convert a file under a cap, and print what it took."""
+def tell(name: str, path: Path, asked: argparse.Namespace) -> dict[str, Any]:
+    """Convert a file under a cap; print and return what it took."""
     drop(path)
     seen = path.with_suffix(".seen")
     command = [__file__, "--one", str(path), asked.memory, asked.radius, str(seen)]
     status, peak = run_capped(command, parse_memory(asked.memory))
     size = path.stat().st_size
     told = how(status)
+    row = {"format": name, "points": asked.points, "cap": asked.memory, "radius": asked.radius}
+    row |= {"end": told, "bytes": size, "peak": peak}
     if not told:
         seconds = float(seen.read_text())
+        row["seconds"] = seconds
         told = f"{seconds:8.2f} s {size / seconds / 1e6:8.1f} MB/s"
     print(
         f"{asked.points:10} points  {name:7} {size / 1e6:9.1f} MB  {told}  {peak >> 20} MiB "
         f"of {asked.memory}",
         flush=True,
     )
+    return row
 
 
 def main() -> None:
@@ -173,6 +179,7 @@ def main() -> None:
     parser.add_argument("--formats", nargs="+", choices=WRITERS, default=[*WRITERS])
     parser.add_argument("--memory", default="256MiB")
     parser.add_argument("--radius", default="0.5", help="a number, or auto")
+    parser.add_argument("--json", type=Path)
     parser.add_argument("--folder", type=Path, help="for files: the system's temporary folder")
     parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
     asked = parser.parse_args()
@@ -182,11 +189,13 @@ def main() -> None:
         Path(seen).write_text(str(converted(Path(path), memory, number)))
         return
     with tempfile.TemporaryDirectory(dir=asked.folder) as folder:
+        rows = []
         for name in asked.formats:
             path = Path(folder, f"points.{name}")
             WRITERS[name](path, asked.points)
-            tell(name, path, asked)
+            rows.append(tell(name, path, asked))
             path.unlink()
+            save(asked.json, rows)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from capped import CAP, drop, run_capped
+from saved import save
 from stores import ORDERS, made
 
 import bfrt
@@ -173,8 +174,7 @@ def main() -> None:
                         name, paper["size"], arguments.runs, Path(folder), arguments.disk
                     )
                 done.append(row)
-                if arguments.json:
-                    arguments.json.write_text(json.dumps(done, indent=1) + "\n")
+                save(arguments.json, done)
             print(text_of(row, paper), flush=True)
     if arguments.plot:
         plot([row for row in done if row["disk"] == arguments.disk], arguments.plot)

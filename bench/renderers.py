@@ -7,6 +7,7 @@
 writes the scene as NFF and as a POV-Ray file (beforehand, not timed), then runs the commands in
 turn: ``bfrt render X.nff -o X.png``, ``povray X.pov`` and ``tachyon X.nff``, with 513 x 513 eye
 rays and depth 5. It prints a table of seconds and peak memory: medians of the runs, and the ratios.
+Those that are not installed are left out.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 import numpy as np
+from saved import save
 
 import bfrt
 from bfrt.formats.nff import read_nff
@@ -168,11 +170,12 @@ PEERS = {
 
 def compare(
     name: str, size: int, peers: list[str], runs: int, folder: Path, threads: int, memory: str
-) -> list[str]:
-    """Rows of the table, a peer each."""
+) -> list[dict[str, Any]]:
+    """Rows of the table, a program each; printed are those of the peers."""
+    scene = bfrt.spd.scene(name, size)
     nff, pov = folder / f"{name}{size}.nff", folder / f"{name}{size}.pov"
     with nff.open("w") as file:
-        bfrt.spd.scene(name, size).write_nff(file)
+        scene.write_nff(file)
     width, height = write_pov(nff, pov)
     commands = {
         "bfrt": [
@@ -186,15 +189,14 @@ def compare(
         commands[peer] = [peer, *(o.format(**facts) for o in PEERS[peer].options.split())]
     results = [{who: timed(command) for who, command in commands.items()} for _ in range(runs)]
     rows = []
-    for peer in peers:
-        (t1, m1), (t2, m2) = (
-            [statistics.median(run[who][what] for run in results) for what in (0, 1)]
-            for who in ("bfrt", peer)
-        )
-        ratio = statistics.median(run[peer][0] / run["bfrt"][0] for run in results)
-        rows.append(
-            f"{name:6} {size:>4}  {t1:8.2f} {m1 / 2**20:8.0f}  {peer:8} {t2:8.2f} "
-            f"{m2 / 2**20:8.0f}  {ratio:6.2f} {m1 / m2:6.2f}"
+    for who in commands:
+        seconds, peak = (statistics.median(run[who][what] for run in results) for what in (0, 1))
+        ratio = statistics.median(run[who][0] / run["bfrt"][0] for run in results)
+        row = {"scene": name, "size": size, "objects": scene.objects, "name": who}
+        rows.append({**row, "seconds": seconds, "peak": peak, "faster": ratio})
+        print(
+            f"{name:6} {size:>4}  {who:8} {seconds:8.2f} {peak / 2**20:8.0f}  {ratio:6.2f}",
+            flush=True,
         )
     return rows
 
@@ -206,14 +208,17 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--memory", default="256MiB", help="bfrt's budget")
     parser.add_argument("--threads", type=int, default=os.cpu_count())
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--folder", type=Path, help="where files are made")
     arguments = parser.parse_args()
     peers = [peer for peer in PEERS if shutil.which(peer)]
-    if not peers:
-        raise SystemExit(f"none of {', '.join(PEERS)} is installed")
-    print("               bfrt s      MiB  peer            s      MiB  faster memory")
+    for name in set(PEERS) - set(peers):
+        print(f"{name} is not installed: it is left out", flush=True)
+    print("             program         s      MiB  times bfrt's")
+    rows = []
     for size in arguments.sizes:
-        with tempfile.TemporaryDirectory() as name:
-            rows = compare(
+        with tempfile.TemporaryDirectory(dir=arguments.folder) as name:
+            rows += compare(
                 arguments.name,
                 size,
                 peers,
@@ -222,7 +227,7 @@ def main() -> None:
                 arguments.threads,
                 arguments.memory,
             )
-            print(*rows, sep="\n", flush=True)
+            save(arguments.json, rows)
 
 
 if __name__ == "__main__":

@@ -20,11 +20,13 @@ import argparse
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rasterio
 from capped import drop, run_capped
 from peers import how
+from saved import save
 
 from bfrt.memory import parse_memory
 
@@ -68,7 +70,8 @@ def observer(side: int) -> tuple[float, float]:
     return 5e5 + (side * 2 // 5 + 0.5) * PIXEL, 54e5 - (side * 3 // 5 + 0.5) * PIXEL
 
 
-def timed(what: str, command: list[str], cap: int, folder: Path) -> None:
+def timed(what: str, command: list[str], cap: int, folder: Path) -> dict[str, Any]:
+    """Run a command, cold; print and return its seconds, peak and end."""
     for file in folder.iterdir():
         drop(file)
     start = time.perf_counter()
@@ -76,6 +79,7 @@ def timed(what: str, command: list[str], cap: int, folder: Path) -> None:
     seconds = time.perf_counter() - start
     told = how(status) or "done"
     print(f"{what:34} {seconds:9.2f} s {peak >> 20:7} MiB  {told}", flush=True)
+    return {"seconds": seconds, "peak": peak, "end": how(status)}
 
 
 def seen_in(path: Path) -> np.ndarray:
@@ -135,7 +139,13 @@ def compare(ours: Path, other: Path, raster: Path | None) -> None:
         print(f"    of {len(chosen)} seen {what} a profile sees {with_ours:.1%} as bfrt does")
 
 
-def measure(side: int, caps: list[str], folder: Path, runs: int) -> None:
+def measure(side: int, caps: list[str], folder: Path, runs: int) -> list[dict[str, Any]]:
+    """A row for each run of a program."""
+    rows = []
+
+    def note(work: str, name: str, cap: str, found: dict[str, Any]) -> None:
+        rows.append({"side": side, "work": work, "name": name, "cap": cap, **found})
+
     raster = folder / "dem.tif"
     make(raster, side)
     x, y = map(str, observer(side))
@@ -143,23 +153,27 @@ def measure(side: int, caps: list[str], folder: Path, runs: int) -> None:
     for cap in caps * runs:
         store = folder / "dem.bfrt"
         words = ["-m", "bfrt", "convert", str(raster), "-o", str(store), "--memory", cap]
-        timed(f"bfrt convert, {cap}", words, parse_memory(cap), folder)
+        found = timed(f"bfrt convert, {cap}", words, parse_memory(cap), folder)
+        note("convert", "bfrt", cap, found)
         taken = sum(file.stat().st_size for file in store.rglob("*") if file.is_file())
         print(f"    the store has {taken >> 20} MiB")
     for curved in (False, True):
+        work = "viewshed, curved" if curved else "viewshed"
         for cap in caps * runs:
             out = folder / "bfrt.tif"
             words = ["-m", "bfrt", "viewshed", str(raster), "-o", str(out), "--memory", cap,
                      "--observer", x, y, "--height", str(HEIGHT), "--target-height", str(TARGET),
                      "--quiet", *(["--curvature"] if curved else [])]  # fmt: skip
-            timed(f"bfrt viewshed, {cap}", words, parse_memory(cap), folder)
+            found = timed(f"bfrt viewshed, {cap}", words, parse_memory(cap), folder)
+            note(work, "bfrt", cap, found)
             other = folder / "gdal.tif"
             part = 1 - REFRACTION if curved else 0
             words = ["-c", OTHER, "gdal_viewshed", "-q", "-ox", x, "-oy", y, "-oz", str(HEIGHT),
                      "-tz", str(TARGET), "-cc", str(part), str(raster), str(other)]  # fmt: skip
-            timed("gdal_viewshed", words, NO_CAP, folder)
+            note(work, "gdal_viewshed", "none", timed("gdal_viewshed", words, NO_CAP, folder))
         print(f"  {'with' if curved else 'without'} curvature:")
         compare(out, other, None if curved else raster)
+    return rows
 
 
 def main() -> None:
@@ -168,10 +182,13 @@ def main() -> None:
     parser.add_argument("--caps", nargs="*", default=["256MiB"])
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--folder", type=Path, help="where files are made")
+    parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    rows = []
     for side in arguments.sides:
         with tempfile.TemporaryDirectory(dir=arguments.folder) as name:
-            measure(side, arguments.caps, Path(name), arguments.runs)
+            rows += measure(side, arguments.caps, Path(name), arguments.runs)
+        save(arguments.json, rows)
 
 
 if __name__ == "__main__":

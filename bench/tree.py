@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 import stores
 from capped import CAP, drop, run_capped
+from saved import save
 
 with suppress(ImportError):  # the peer's Python needs none of it
     import bfrt
@@ -321,8 +322,7 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         rows = WORKS[options.work](options, Path(folder))
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1) + "\n")
+    save(options.json, rows)
 
 
 if __name__ == "__main__":

@@ -9,13 +9,15 @@ copyright = "the authors of bfrt"
 version = release = bfrt.__version__
 
 extensions = ["sphinx.ext.autodoc", "numpydoc"]
-exclude_patterns = ["_build"]
-html_theme = "alabaster"
-html_theme_options = {
-    "description": "Ray tracing of scenes larger than memory, under a memory budget",
-    "fixed_sidebar": True,
-    "page_width": "1060px",
-}
+exclude_patterns = ["_build", "performance/*.rst"]  # parts that performance.rst includes
+html_theme = "furo"
+html_title = f"bfrt {release}"
+html_theme_options = {"navigation_with_keys": True, "top_of_page_buttons": []}
+html_show_sourcelink = False
+html_static_path = ["static"]
+html_css_files = ["wide.css"]
+pygments_style = "friendly"
+pygments_dark_style = "native"
 highlight_language = "text"
 
 autodoc_member_order = "bysource"

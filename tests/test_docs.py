@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -139,7 +141,7 @@ def test_every_option_is_on_the_page(name):
     assert [option for option in long if not re.search(rf"{option}\b", text)] == []
 
 
-@pytest.mark.parametrize("file", sorted(DOCS.glob("*.rst")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", sorted(DOCS.rglob("*.rst")), ids=lambda file: file.stem)
 def test_a_file_that_a_page_names_is_there(file):
     named = re.findall(r"``(bfrt/[\w./]+|docs/[\w./]+|setup\.py)``", file.read_text())
     root = DOCS.parent
@@ -171,3 +173,13 @@ def test_a_function_is_in_the_file_that_the_page_names(file, name):
     texts = [path.read_text() for path in (DOCS.parent / "bfrt").rglob(file)]
     last = name.split(".")[-1]
     assert any(re.search(rf"(def|class|cdef [\w *]+) {last}\b", text) for text in texts)
+
+
+def test_the_pages_build_without_a_warning(tmp_path):
+    pytest.importorskip("furo", reason="the docs extra is not installed")
+    pytest.importorskip("numpydoc", reason="the docs extra is not installed")
+    command = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", str(DOCS), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "search.html").exists()
+    assert "Written by bench/report.py" not in (tmp_path / "performance.html").read_text()

@@ -23,6 +23,9 @@ from bfrt.store.writer import StoreWriter
 from bfrt.store.store import open_store
 path, shape, n = sys.argv[1], sys.argv[2], int(sys.argv[3])
 rng = np.random.default_rng(0)
+def turns(counts):
+    at = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return at * np.repeat(2 * np.pi / counts, counts)
 block = 1 << 10 if shape == "large polygons" else 1 << 14
 with StoreWriter(path, order="spatial", durable=False) as writer:
     for first in range(0, n, block):
@@ -36,13 +39,13 @@ with StoreWriter(path, order="spatial", durable=False) as writer:
             c = np.random.default_rng(first % (n // 2)).random((k, 3), np.float32)
         if shape == "large polygons":
             counts = np.where(rng.random(k) < 0.02, 20_000, 4)
-            turn = np.concatenate([np.arange(m) * (2 * np.pi / m) for m in counts])
+            turn = turns(counts)
             ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(len(turn))], 1) * 1e-3
             writer.polygons((np.repeat(c, counts, 0) + ring).astype(np.float32), counts)
             continue
         if shape == "polygons":
             counts = np.maximum(4, (4.0 / (1 - rng.random(k)) ** 0.9).astype(int)).clip(max=4000)
-            turn = np.concatenate([np.arange(m) * (2 * np.pi / m) for m in counts])
+            turn = turns(counts)
             ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(len(turn))], 1) * 1e-3
             writer.polygons((np.repeat(c, counts, 0) + ring).astype(np.float32), counts)
         else:
@@ -108,8 +111,11 @@ from bfrt.store.writer import StoreWriter
 path, shape, n, memory, threads, order = *sys.argv[1:3], *map(int, sys.argv[3:6]), sys.argv[6]
 written.usable_threads = lambda: threads
 rng = np.random.default_rng(0)
+def turns(counts):
+    at = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return at * np.repeat(2 * np.pi / counts, counts)
 def rings(centers, counts):
-    turn = np.concatenate([np.arange(m) * (2 * np.pi / m) for m in counts])
+    turn = turns(counts)
     ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(len(turn))], 1) * 1e-3
     return np.repeat(centers, counts, 0) + ring, counts
 try:
