@@ -123,7 +123,7 @@ def failure(path: Path, kind: type[BfrtError] = SceneError, **settings: Any) -> 
     message = str(caught.value)
     assert isinstance(caught.value, kind), f"{caught.type.__name__}: {message}"
     del caught
-    assert open_files() == before
+    assert not open_files() - before  # what earlier work has left to be collected may go
     assert set(path.parent.iterdir()) == there
     assert message.isprintable() and len(message) < 600
     assert "found" in message or kind is StreamError
@@ -145,6 +145,6 @@ def outcome(path: Path, **settings: Any) -> str:
         assert said.isprintable()
         assert str(path) in said
         assert not made.exists()
-    assert open_files() == before
+    assert not open_files() - before  # what earlier work has left to be collected may go
     assert set(path.parent.iterdir()) - {made} == there
     return said

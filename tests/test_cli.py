@@ -318,7 +318,7 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
         (["render", "scene.nff", "-o", "x.png", "-o", "no/x.exr"], 2, "no/x.exr: found no folder"),
         (["render", "scene.nff", "-o", "x.png", "--stats", "no/x.json"], 2, "found no folder"),
         (["render", "scene.nff", "-o", "x.png", "--stats", "."], 2, "something else than a file"),
-        (["render", "scene.nff", "-o", "x.png", "--stats", ""], 2, "something else than a file"),
+        (["render", "scene.nff", "-o", "x.png", "--stats", ""], 2, "found an empty path"),
         (["render", "scene.nff", "-o", "x.png", "--stats", "./x.png"], 2, "x.png: found it twice"),
         (["render", "scene.nff", "-o", "x.png", "-o", "x.png"], 2, "x.png: found it twice"),
         (

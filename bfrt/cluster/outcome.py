@@ -25,7 +25,8 @@ class Failed(NamedTuple):
     def again(self) -> BfrtError:
         """Return the error, with its notes, to be raised."""
         for note in self.notes:
-            self.error.add_note(note)
+            if note not in getattr(self.error, "__notes__", ()):  # within one process it has them
+                self.error.add_note(note)
         return self.error
 
 

@@ -65,6 +65,7 @@ def test_light_that_is_asked_for(shared_client, asked, samples):
     assert found.metadata["ao_distance"] == "1.5"
 
 
+@pytest.mark.parametrize("samples", [None, 2])
 def test_two_workers_make_several_views(shared_client, one, samples):
     scene, settings = one
     views = scene.turntable(3)

@@ -78,7 +78,6 @@ def test_what_is_left_is_seen(found, done, wrong):
         (OSError(errno.EIO, "bare"), "OSError"),
         (MemoryError(), "MemoryError"),
         (ResourceError(""), "ResourceError of no sentence"),
-        (ResourceError("two\nlines"), "ResourceError of no sentence"),
         (ResourceError("a: found no memory"), ""),
         (StreamError("a", 3, errno.EIO, "reading"), ""),
     ],
