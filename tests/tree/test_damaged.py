@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 from scenes import random_objects, random_rays
-from treelets import FORMS, QUERIES, answers, formed, pair, same
+from treelets import FORMS, QUERIES, answers, formed, pair, same, small_treelets
 
 import bfrt
 from bfrt.errors import ShortReadError, StoreError, StreamError
@@ -15,6 +15,8 @@ from bfrt.records import NODE, TREELET, Kind
 from bfrt.scene import Scene
 from bfrt.store.model import Camera
 from bfrt.store.store import open_store
+from bfrt.streams.runs import RunReader
+from bfrt.tree.pieces import NODES_READ, RECORDS_READ
 from bfrt.tree.reading import DEEPEST_NODE
 
 VIEW = Camera((0.1, -9.0, 1.0), (0.0, 0.0, 0.0), resolution=(12, 12))
@@ -214,6 +216,48 @@ def test_ends_of_polygons_that_descend_are_refused(damaged):
     for form in ("resident", "streamed", "streamed past the cache"):
         with pytest.raises(StoreError, match="found an end at vertex"):
             formed(store, form).cast_rays(*rays, refine="tree")
+
+
+def test_a_treelet_of_more_vertices_than_there_is_memory_for_is_refused(tmp_path):
+    """An end that is damaged makes a treelet of all vertices, of which the header tells less."""
+    turn = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
+    outline = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+    corners = np.concatenate([outline + (0, 0, k) for k in range(80)])
+    with small_treelets(), bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
+        writer.polygons(corners, np.full(80, 3000))
+    store = open_store(tmp_path / "a")
+    (stream,) = store.streams
+    first = int(np.fromfile(stream.path("treelets"), TREELET)["count"][0])
+    assert stream.vertices * stream.stride > RECORDS_READ > RunReader.room(stream.treelet_bytes)
+
+    def all_in_one(ends):
+        ends[first - 1 :] = stream.vertices
+
+    rewritten(store, "offsets", all_in_one)
+    rays = np.tile([0.0, 0, -3], (50, 1)), np.tile([0.0, 0, 1], (50, 1))
+    for form in ("streamed", "streamed past the cache"):
+        with pytest.raises(StoreError, match="geometry: found a treelet of more bytes than"):
+            formed(store, form).cast_rays(*rays, refine="tree")
+
+
+def test_a_table_with_a_treelet_of_more_nodes_than_there_is_memory_for_is_refused(tmp_path):
+    rng = np.random.default_rng(0)
+    with bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
+        writer.spheres(rng.uniform(-1, 1, (150_000, 3)), 0.01)
+    store = open_store(tmp_path / "a")
+    (stream,) = store.streams
+    assert stream.nodes * NODE.itemsize > NODES_READ > RunReader.room(stream.treelet_bytes)
+    table = np.fromfile(stream.path("treelets"), TREELET)
+    low, high = ([table[f"{side}{axis}"][0] for axis in "xyz"] for side in ("lo", "hi"))
+
+    def nearly_all_in_one(treelets):
+        treelets["node"][1:] = stream.nodes - len(treelets) + np.arange(1, len(treelets))
+        treelets["nodes"][1:], treelets["nodes"][0] = 1, treelets["node"][1]
+
+    rewritten(store, "treelets", nearly_all_in_one, Kind.SPHERE)
+    for form in ("streamed", "streamed past the cache"):
+        with pytest.raises(StoreError, match="nodes: found a treelet of more bytes than"):
+            formed(store, form).cast_rays([np.mean([low, high], 0)], [[0.0, 0, 1]], refine="tree")
 
 
 @pytest.mark.parametrize("part", PARTS)
