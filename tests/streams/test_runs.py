@@ -100,6 +100,23 @@ def test_a_file_s_system_that_has_no_direct_reads(tmp_path):
     assert RunReader(1 << 20).take([(file, 5, 10)]) == [DATA[5:15]]
 
 
+def test_a_system_that_knows_no_direct_reads(tmp_path, monkeypatch):
+    (tmp_path / "a").write_bytes(DATA)
+    monkeypatch.setattr("bfrt.streams.reader.DIRECT", 0)
+    opened = []
+
+    def opener(path, flags):
+        opened.append(os.open(path, flags))
+        return opened[-1]
+
+    file = SharedFile(tmp_path / "a", True, opener, direct=True)
+    assert RunReader(1 << 20).take([(file, 5, 10)]) == [DATA[5:15]]
+    del file
+    for descriptor in opened:
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(descriptor)
+
+
 #: What the system says of reads that are under way, changed: WAY tells how.
 CHANGING = r"""
 #define _GNU_SOURCE
