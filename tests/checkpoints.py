@@ -83,7 +83,7 @@ def tight(rows: int = 19, **changes: Any) -> Callable[[Scene], Scene]:
             limits = held.limits._replace(voxels=numbers.get("voxels", 16**3), slab=2048)
             own |= {"limits": limits, "blocks": 20}
         elif isinstance(held, TreeCapacities):
-            own |= {"kept": 0}
+            own = {"kept": 0, **own}
         return replace(held, rows=rows, frame_on_disk=rows < 19, **own)
 
     return lambda scene: dividing(scene, divided)

@@ -31,7 +31,12 @@ FORMS: dict[str, Callable[[TreeCapacities], TreeCapacities]] = {
     "resident": lambda held: replace(held, resident=True),
     "streamed": lambda held: replace(held, resident=False, kept=0),
     "streamed, some kept": lambda held: replace(held, resident=False, kept=5000),
-    "streamed past the cache": lambda held: replace(held, resident=False, kept=5000, cached=False),
+    "streamed past the cache": lambda held: replace(
+        held,
+        resident=False,
+        kept=1 << 16,
+        cached=False,  # the first node of each treelet, too
+    ),
     "resident, few rays": lambda held: replace(
         held, resident=True, rays=61, candidates=61, hits=7, queue=11
     ),

@@ -77,10 +77,11 @@ cdef class SharedFile:
         try:
             self.fd = opener(self.path, FLAGS)
             self.size = os.fstat(self.fd).st_size
-            if prefetched and direct:
+            if prefetched and direct and DIRECT:
                 self.open_direct(opener)
             if prefetched and not self.direct:
                 self.prefetch_fd = opener(self.path, FLAGS)
+            if prefetched:
                 no_read_ahead(self.prefetch_fd)
         except OSError as error:
             raise StreamError(self.path, 0, error.errno, "opening") from None
@@ -98,7 +99,7 @@ cdef class SharedFile:
             if error.errno != EINVAL:
                 raise
         else:
-            self.direct = DIRECT != 0
+            self.direct = True
 
     def fileno(self):
         """Return the descriptor that is read in order."""

@@ -167,7 +167,7 @@ cdef class RunReader:
 
     cdef int64_t add(self, SharedFile file, int64_t begin, int64_t n) noexcept nogil:
         """Add a piece; return where in memory it will be, or -1 if there is no room for it."""
-        cdef Run* run = &self.runs[self.count - 1]
+        cdef Run* run = &self.runs[max(self.count, 1) - 1]
         cdef int64_t end = begin + n
         cdef int64_t first = block_of(begin)
         if self.count and run.file == <void*>file and run.begin <= begin <= run.end + GAP:
@@ -178,7 +178,7 @@ cdef class RunReader:
             return run.at + begin - run.begin
         if self.count == MOST_RUNS or self.used + blocks_up(end) - first > self.capacity:
             return -1
-        run += 1
+        run = &self.runs[self.count]
         run.file, run.begin, run.end, run.at = <void*>file, first, end, self.used
         self.count += 1
         self.used += blocks_up(end) - first
@@ -218,9 +218,12 @@ cdef class RunReader:
         cdef int k
         while self.under_way:
             which = ended(self.queue, &got)
+            if which < 0:   # it tells no more: all ends with the queue, and is read again
+                end_queue(self.queue)
+                self.queue, self.under_way = 0, 0
+                break
             self.under_way -= 1
-            if which >= 0:
-                self.runs[which].done = max(got, 0)   # what failed is read again, and told
+            self.runs[which].done = max(got, 0)   # what failed is read again, and told
         for k in range(self.count):
             read_rest(<SharedFile>self.runs[k].file, &self.runs[k], self.memory)
         return 0
@@ -231,15 +234,17 @@ cdef int read_rest(SharedFile file, const Run* run, unsigned char* memory) excep
     cdef int64_t n = run.end - run.begin, done = run.done
     cdef int64_t whole = blocks_up(n) if file.direct else n
     cdef ssize_t got
+    cdef bint direct
     atomic_add(&file.seeks, file.last_end != run.begin)
     while done < n:
+        direct = file.direct    # before the read: other threads may switch it off meanwhile
         got = pread(file.prefetch_fd, memory + run.at + done, whole - done, run.begin + done)
         if got > 0:
             done += got
         elif got == 0:
             with gil:
                 raise ShortReadError(file.path, run.begin + done, n - done, 0)
-        elif errno == EINVAL and file.direct:   # as after a read that ended within a block
+        elif errno == EINVAL and direct:    # as after a read that ended within a block
             through_the_cache(file)
         elif errno != EINTR:
             with gil:

@@ -2,6 +2,7 @@
 
 from libc.stdint cimport int64_t, uint32_t
 
+from bfrt.streams.reader cimport SharedFile
 from bfrt.streams.runs cimport RunReader
 from bfrt.tree.forest cimport Forest
 from bfrt.tree.walk cimport Piece, Range
@@ -33,6 +34,7 @@ cdef class PieceReader:
     cdef int begin(self, const uint32_t* treelets, int64_t n) except -1 nogil
     cdef const Piece* glance(self, int k) noexcept nogil
     cdef int read_objects(self, const Range* wanted, int first) except -1 nogil
+    cdef int refuse(self, SharedFile file, int64_t room) except -1 nogil
     cdef bint add_ends(self, int k, Range wanted) noexcept nogil
     cdef const uint32_t* ends_of(self, int k, uint32_t* before) noexcept nogil
     cdef int add_objects(self, int k, Range wanted) except -1 nogil

@@ -25,6 +25,8 @@ from bfrt.tree.reading cimport check_ends, check_nodes
 from bfrt.tree.walk cimport Piece, Range
 from bfrt.treelets.node cimport Node
 
+from bfrt.errors import StoreError
+
 #: Bytes of a worker's memory for the parts of treelets; more where a treelet is larger.
 NODES_READ = 1 << 19
 RECORDS_READ = 1 << 21
@@ -84,6 +86,8 @@ cdef class PieceReader:
                 if at[k] < 0:
                     break
             self.count = k + 1
+        if self.count == 0 and n > 0:
+            self.refuse(<SharedFile>s.node_file, self.nodes.capacity)
         self.nodes.read()
         for k in range(self.count):
             if self.node[k] == NULL:
@@ -110,6 +114,7 @@ cdef class PieceReader:
         end of those for which there is room.
         """
         cdef int k, end = self.count, last = first
+        cdef const TreeStream* s
         self.ends.clear()
         self.boxes.clear()
         self.records.clear()
@@ -122,9 +127,20 @@ cdef class PieceReader:
             if wanted[k].end and not self.add_objects(k, wanted[k]):
                 break
             last = k + 1
+        if last == first:   # alone it has all of the memory
+            s = stream_at(self.forest, self.treelets[first])
+            self.refuse(<SharedFile>s.record_file, self.records.capacity)
         self.boxes.read()
         self.records.read()
         return last
+
+    cdef int refuse(self, SharedFile file, int64_t room) except -1 nogil:
+        """Refuse a treelet that is larger than the largest of which the header tells."""
+        with gil:
+            raise StoreError(
+                f"{file.path}: found a treelet of more bytes than the header tells of, "
+                f"expected at most {room}"
+            )
 
     cdef bint add_ends(self, int k, Range wanted) noexcept nogil:
         """Have the ends of objects' records read, and those of the objects before; false if there

@@ -80,10 +80,13 @@ cdef struct Look:
 cdef inline bint passes_by(const Top* top, const Heading* heading, uint32_t treelet,
                            Look* look) noexcept nogil:
     """Tell whether a ray enters no child of a treelet's first node, where that is known."""
-    cdef const Node* root = &top.roots[treelet]
+    cdef const Node* root
     cdef float near[8]
     cdef Sight sight
-    if top.roots == NULL or root.child == 0:
+    if top.roots == NULL:
+        return False
+    root = &top.roots[treelet]
+    if root.child == 0:
         return False
     look.node_tests += 1
     sight = sight_of(heading, <const Box*>(top.boxes + treelet * top.stride))

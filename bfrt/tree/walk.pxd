@@ -117,7 +117,7 @@ cdef inline bint load_polygon(const Piece* p, uint32_t i, Search* s, Shape* shap
         p.kind, record, n, &p.frame, &s.line, &s.seen
     ):
         return False
-    if s.polygon_id != p.first + i:
+    if s.polygon_id != p.first + i or s.polygon.count != n:  # of a file that others change
         s.polygon_id = NO_HIT
         if not polygon_load(record, n, &p.frame, &s.polygon):
             return False

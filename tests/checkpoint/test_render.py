@@ -26,6 +26,9 @@ from bfrt.errors import Cancelled, DiskFullError, SettingError
 REFINEMENTS = ("base", "sg", "sgb", "tree")
 SETTINGS = {"camera": VIEW, "aovs": AOVS, "threads": 2}
 
+#: Bytes of nodes, with which first nodes are kept too.
+FIRST_NODES = 1 << 15
+
 #: Of each form the refinement, and how the memory is divided.
 FORMS = {
     "base": ("base", tight()),
@@ -33,13 +36,14 @@ FORMS = {
     "sgb": ("sgb", tight()),
     "sgb, bands": ("sgb", tight(rows=10)),
     "streamed": ("tree", tight(resident=False)),
+    "streamed, kept": ("tree", tight(resident=False, kept=FIRST_NODES, cached=False)),
     "streamed, bands": ("tree", tight(resident=False, rows=10)),
     "resident": ("tree", tight(resident=True)),
 }
 
 
 #: Those that are run each time where a test takes long.
-QUICK = ("sgb, bands", "streamed", "resident")
+QUICK = ("sgb, bands", "streamed", "streamed, kept", "resident")
 
 
 @pytest.fixture(scope="module")
@@ -134,9 +138,10 @@ def test_other_memory_and_threads(scenes, expected, tmp_path, form, monkeypatch)
     ]
     if refine == "tree":
         resident = form != "resident"
+        kept = 0 if "kept" in form else FIRST_NODES
         others = [
             tight(rows, resident=resident),
-            tight(rows, resident=False, rays=70, candidates=70, hits=31),
+            tight(rows, resident=False, kept=kept, rays=70, candidates=70, hits=31),
         ]
     settings = {**SETTINGS, "refine": refine}
     whole = Stop()

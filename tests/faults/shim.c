@@ -2,7 +2,8 @@
  *
  * Nothing is counted until `fault_arm` is called. From then on calls are counted by family, and the
  * n-th of one family, or each from the n-th on, fails with an errno, or is made short: a read or a
- * write of half of the bytes. Calls on standard streams are no part of it, and neither are
+ * write of half of the bytes. Of reads that are under way together their queue fails, their begin, or
+ * what is told of their end. Calls on standard streams are no part of it, and neither are
  * allocations below `LARGE` bytes: Python itself makes thousands of these. */
 
 #define _GNU_SOURCE
@@ -10,6 +11,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/aio_abi.h>
 #include <pthread.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -18,12 +20,13 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <sys/syscall.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
 enum family {
     OPEN, READ, WRITE, SYNC, RENAME, REMOVE, MKDIR, STAT, SEEK, MAP, TRUNCATE, CLOSE, MEMORY,
-    THREAD, FAMILIES
+    THREAD, AIO, FAMILIES
 };
 
 /* What `fault_arm` takes for an errno where a call is to be short. */
@@ -325,4 +328,34 @@ int pthread_create(pthread_t *made, const pthread_attr_t *how, void *(*run)(void
     OWN("pthread_create",
         int (*)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *))
     return hit(THREAD) ? number : own(made, how, run, given);
+}
+
+/* What is told of reads that have ended: of the first that it failed, or got half of its bytes. */
+static long ended_badly(long told, struct io_event *events)
+{
+    if (told > 0 && number == SHORT)
+        events[0].res = (events[0].res + 1) / 2;
+    else if (told > 0)
+        events[0].res = -number;
+    return told;
+}
+
+/* Reads that are under way together have no functions in the C library. */
+long syscall(long call, ...)
+{
+    OWN("syscall", long (*)(long, ...))
+    long a[6];
+    va_list given;
+    va_start(given, call);
+    for (int k = 0; k < 6; k++)
+        a[k] = va_arg(given, long);
+    va_end(given);
+    int begins = call == SYS_io_setup || call == SYS_io_submit, ends = call == SYS_io_getevents;
+    if (!(begins || ends) || !hit(AIO))
+        return own(call, a[0], a[1], a[2], a[3], a[4], a[5]);
+    if (ends && number != EINTR)
+        return ended_badly(own(call, a[0], a[1], a[2], a[3], a[4]), (struct io_event *)a[3]);
+    if (number == SHORT)
+        errno = EAGAIN; /* there is no half of these */
+    return -1;
 }

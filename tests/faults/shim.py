@@ -17,7 +17,7 @@ SOURCE = Path(__file__).with_name("shim.c")
 #: Families of calls, in the order of shim.c.
 FAMILIES = (
     "open", "read", "write", "sync", "rename", "remove", "mkdir", "stat", "seek", "map",
-    "truncate", "close", "memory", "thread",
+    "truncate", "close", "memory", "thread", "aio",
 )  # fmt: skip
 
 SHORT = -1
@@ -65,6 +65,11 @@ FAULTS = (
     Fault("memory", errno.ENOMEM, lasts=True),
     Fault("thread", errno.EAGAIN),
     Fault("thread", errno.EAGAIN, lasts=True),
+    Fault("aio", errno.EAGAIN),
+    Fault("aio", errno.EAGAIN, lasts=True),
+    Fault("aio", errno.EIO),
+    Fault("aio", errno.EINTR),
+    Fault("aio", SHORT),
 )
 
 #: A fault that never comes: calls are counted.

@@ -97,6 +97,20 @@ def scene(folder: Path, *, order: str = "auto") -> None:
         writer.patches(corners + 0.7, rng.normal(size=(40, 3, 3)), clear)
 
 
+as_given = partial(scene, order="given")
+
+
+def many(folder: Path) -> None:
+    """So many small objects that of several treelets parts are read, in several runs."""
+    rng = np.random.default_rng(6)
+    with bfrt.SceneWriter(folder / "in" / "s.bfrt", dtype="float32", order="spatial") as writer:
+        writer.camera(bfrt.Camera((0, -6, 1), (0, 0, 0), resolution=FRAME))
+        writer.light(bfrt.Light((4, -5, 6)))
+        writer.spheres(rng.uniform(-2, 2, (60_000, 3)), 0.01)
+        corners = rng.uniform(-2, 2, (20_000, 1, 3)) + rng.uniform(-0.02, 0.02, (20_000, 5, 3))
+        writer.polygons(corners.reshape(-1, 3), np.full(20_000, 5))
+
+
 def tight(given):
     """Capacities so small that rays, hits and queues go to disk, and marks are in slabs."""
     held = replace(given, rays=97, candidates=97, hits=50, queue=13)
@@ -110,12 +124,17 @@ def on_disk(given):
     return replace(tight(given), rows=5, frame_on_disk=True)
 
 
+def past_the_cache(given):
+    """Capacities with which treelets stream past the system's cache, and few nodes are kept."""
+    return replace(tight(given), kept=5000, cached=False)
+
+
 def opened(folder: Path, divide) -> bfrt.Scene:
     made = bfrt.open(folder / "in" / "s.bfrt")
     return made if divide is None else dividing(made, divide)
 
 
-def rendering(refine: str, divide=None, suffix: str = ".exr", order: str = "auto") -> Work:
+def rendering(refine: str, divide=None, suffix: str = ".exr", make=scene) -> Work:
     def run(folder: Path) -> bytes:
         with opened(folder, divide) as held:
             image = held.render(
@@ -128,10 +147,10 @@ def rendering(refine: str, divide=None, suffix: str = ".exr", order: str = "auto
             image.save(folder / "out" / f"a{suffix}")
             return b"".join(np.asarray(pixels).tobytes() for pixels in image.channels.values())
 
-    return Work(partial(scene, order=order), run)
+    return Work(make, run)
 
 
-def asking(query: str, refine: str, divide=None) -> Work:
+def asking(query: str, refine: str, divide=None, make=scene) -> Work:
     """A query whose answer goes to a folder, in which another stood before."""
 
     def ask(folder: Path, n: int) -> dict[str, np.ndarray]:
@@ -144,7 +163,7 @@ def asking(query: str, refine: str, divide=None) -> Work:
             )  # fmt: skip
 
     def prepare(folder: Path) -> None:
-        scene(folder)
+        make(folder)
         ask(folder, 5)
 
     def run(folder: Path) -> bytes:
@@ -283,13 +302,15 @@ WORKS: dict[str, Work] = {
     "viewshed": looking(),
     "render by treelets": rendering("tree"),
     "render by treelets, spooled": rendering("tree", on_disk, ".png"),
-    "render by a grid": rendering("sgb", None, ".npy", "given"),
-    "render by a grid, spooled": rendering("sgb", on_disk, ".exr", "given"),
+    "render by treelets, past the cache": rendering("tree", past_the_cache, ".npy", many),
+    "render by a grid": rendering("sgb", None, ".npy", as_given),
+    "render by a grid, spooled": rendering("sgb", on_disk, ".exr", as_given),
     "cast_rays": asking("cast_rays", "tree"),
     "cast_rays, spooled": asking("cast_rays", "sgb", tight),
     "occluded": asking("occluded", "tree", tight),
     "count_intersections": asking("count_intersections", "sgb"),
     "list_intersections": asking("list_intersections", "tree"),
+    "cast_rays, past the cache": asking("cast_rays", "tree", past_the_cache, many),
     "list_intersections, spooled": asking("list_intersections", "tree", tight),
     "convert, kept": Work(two_files, converted, resumes=True),
     "convert, resumed": Work(broken_off_conversion, converted, resumes=True),

@@ -100,16 +100,92 @@ def test_a_file_s_system_that_has_no_direct_reads(tmp_path):
     assert RunReader(1 << 20).take([(file, 5, 10)]) == [DATA[5:15]]
 
 
+def test_a_system_that_knows_no_direct_reads(tmp_path, monkeypatch):
+    (tmp_path / "a").write_bytes(DATA)
+    monkeypatch.setattr("bfrt.streams.reader.DIRECT", 0)
+    opened = []
+
+    def opener(path, flags):
+        opened.append(os.open(path, flags))
+        return opened[-1]
+
+    file = SharedFile(tmp_path / "a", True, opener, direct=True)
+    assert RunReader(1 << 20).take([(file, 5, 10)]) == [DATA[5:15]]
+    del file
+    for descriptor in opened:
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(descriptor)
+
+
 #: What the system says of reads that are under way, changed: WAY tells how.
 CHANGING = r"""
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <linux/aio_abi.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/syscall.h>
+#include <unistd.h>
+
+/* Reads that are begun and of which nothing is told: they end with their queue, or late. */
+static struct iocb begun[16];
+static int begun_count, in_turn;
+
+static ssize_t own_pread(int file, void *to, size_t n, off_t at)
+{
+    static ssize_t (*own)(int, void *, size_t, off_t);
+    if (!own)
+        own = (ssize_t (*)(int, void *, size_t, off_t))dlsym(RTLD_NEXT, "pread");
+    return own(file, to, n, at);
+}
+
+static void end_all(void)
+{
+    while (begun_count) {
+        struct iocb *one = &begun[--begun_count];
+        own_pread(one->aio_fildes, (void *)one->aio_buf, one->aio_nbytes, one->aio_offset);
+    }
+}
+
+static long untold(long number, struct iocb **one)
+{
+    if (number == SYS_io_submit) {
+        begun[begun_count++] = **one;
+        return 1;
+    }
+    if (number == SYS_io_destroy)
+        end_all();
+    errno = EINVAL;
+    return -1;
+}
+
+/* What has no direct reads refuses those of two threads, of one a while later. */
+static void refuse_in_turn(void)
+{
+    int turn = __atomic_add_fetch(&in_turn, 1, __ATOMIC_SEQ_CST);
+    for (int k = 0; k < 5000 && __atomic_load_n(&in_turn, __ATOMIC_SEQ_CST) < 2; k++)
+        usleep(1000);
+    usleep(turn * 100000);
+    errno = EINVAL;
+}
+
+ssize_t pread(int file, void *to, size_t n, off_t at)
+{
+    static int calls;
+    if (!strcmp(getenv("WAY"), "refused") && fcntl(file, F_GETFL) & O_DIRECT) {
+        refuse_in_turn();
+        return -1;
+    }
+    ssize_t got = own_pread(file, to, n, at);
+    if (begun_count && ++calls == 8)
+        end_all();
+    return got;
+}
+
+ssize_t pread64(int file, void *to, size_t n, off_t at) __attribute__((alias("pread")));
 
 long syscall(long number, ...)
 {
@@ -124,6 +200,9 @@ long syscall(long number, ...)
     va_end(given);
     if (!own)
         own = (long (*)(long, ...))dlsym(RTLD_NEXT, "syscall");
+    if (!strcmp(way, "untold") && (number == SYS_io_submit || number == SYS_io_getevents
+                                   || number == SYS_io_destroy))
+        return untold(number, (struct iocb **)a[2]);
     if ((number == SYS_io_setup && !strcmp(way, "no queue"))
         || (number == SYS_io_submit && !strcmp(way, "none begun"))
         || (number == SYS_io_submit && !strcmp(way, "some begun") && calls++ % 2)) {
@@ -144,16 +223,23 @@ long syscall(long number, ...)
 }
 """
 
-#: Prints the bytes of pieces.
+#: Prints the bytes of pieces, of some twice, and of one as two threads read it at once.
 TAKING = """
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from bfrt.streams.reader import SharedFile
 from bfrt.streams.runs import RunReader
 
 file = SharedFile(sys.argv[1], True, direct=True)
 places = [(7, 30_000), (70_000, 90_000), (200_000, 9), (300_000, 40_000)]
-for piece in RunReader(1 << 20).take([(file, *place) for place in places]):
-    sys.stdout.buffer.write(piece)
+reader = RunReader(1 << 20)
+with ThreadPoolExecutor(2) as threads:
+    one = [threads.submit(RunReader(1 << 20).take, [(file, 9, 900)]) for _ in range(2)]
+    for piece in [*one[0].result(), *one[1].result()]:
+        sys.stdout.buffer.write(piece)
+for late in (0, 1000):
+    for piece in reader.take([(file, begin + late, n) for begin, n in places]):
+        sys.stdout.buffer.write(piece)
 """
 
 
@@ -171,17 +257,23 @@ def changing(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "way", ["", "no queue", "none begun", "some begun", "interrupted", "failed", "short"]
-)
+    "way",
+    ["", "no queue", "none begun", "some begun", "interrupted", "failed", "short", "untold",
+     "refused"],
+)  # fmt: skip
 def test_what_the_system_does_not_read_is_read_again(paths, changing, way):
     """What is under way may fail, or end early: the bytes are the same."""
     try:
         os.close(os.open(paths[0], os.O_RDONLY | os.O_DIRECT))
     except OSError:
         pytest.skip("files are read through the cache here")
-    child = {**os.environ, "LD_PRELOAD": str(changing), "WAY": way}
+    loaded = [*filter(None, [os.environ.get("LD_PRELOAD")]), str(changing)]  # a sanitizer first
+    child = {**os.environ, "LD_PRELOAD": " ".join(loaded), "WAY": way}
     work = [sys.executable, "-c", TAKING, str(paths[0])]
     ended = subprocess.run(work, env=child, cwd=paths[0].parent, capture_output=True)
     assert ended.returncode == 0, ended.stderr
-    places = [(7, 30_000), (70_000, 90_000), (200_000, 9), (300_000, 40_000)]
+    places = [(9, 900), (9, 900)]
+    for late in (0, 1000):
+        places += [(7 + late, 30_000), (70_000 + late, 90_000), (200_000 + late, 9),
+                   (300_000 + late, 40_000)]  # fmt: skip
     assert ended.stdout == b"".join(DATA[begin : begin + n] for begin, n in places)

@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 from scenes import random_objects, random_rays
-from treelets import FORMS, QUERIES, answers, formed, pair, same
+from treelets import FORMS, QUERIES, answers, formed, pair, same, small_treelets
 
 import bfrt
 from bfrt.errors import ShortReadError, StoreError, StreamError
@@ -15,6 +15,8 @@ from bfrt.records import NODE, TREELET, Kind
 from bfrt.scene import Scene
 from bfrt.store.model import Camera
 from bfrt.store.store import open_store
+from bfrt.streams.runs import RunReader
+from bfrt.tree.pieces import NODES_READ, RECORDS_READ
 from bfrt.tree.reading import DEEPEST_NODE
 
 VIEW = Camera((0.1, -9.0, 1.0), (0.0, 0.0, 0.0), resolution=(12, 12))
@@ -216,6 +218,48 @@ def test_ends_of_polygons_that_descend_are_refused(damaged):
             formed(store, form).cast_rays(*rays, refine="tree")
 
 
+def test_a_treelet_of_more_vertices_than_there_is_memory_for_is_refused(tmp_path):
+    """An end that is damaged makes a treelet of all vertices, of which the header tells less."""
+    turn = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
+    outline = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+    corners = np.concatenate([np.add(outline, (0, 0, k)) for k in range(80)])
+    with small_treelets(), bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
+        writer.polygons(corners, np.full(80, 3000))
+    store = open_store(tmp_path / "a")
+    (stream,) = store.streams
+    first = int(np.fromfile(stream.path("treelets"), TREELET)["count"][0])
+    assert stream.vertices * stream.stride > RECORDS_READ > RunReader.room(stream.treelet_bytes)
+
+    def all_in_one(ends):
+        ends[first - 1 :] = stream.vertices
+
+    rewritten(store, "offsets", all_in_one)
+    rays = np.tile([0.0, 0, -3], (50, 1)), np.tile([0.0, 0, 1], (50, 1))
+    for form in ("streamed", "streamed past the cache"):
+        with pytest.raises(StoreError, match="geometry: found a treelet of more bytes than"):
+            formed(store, form).cast_rays(*rays, refine="tree")
+
+
+def test_a_table_with_a_treelet_of_more_nodes_than_there_is_memory_for_is_refused(tmp_path):
+    rng = np.random.default_rng(0)
+    with bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
+        writer.spheres(rng.uniform(-1, 1, (150_000, 3)), 0.01)
+    store = open_store(tmp_path / "a")
+    (stream,) = store.streams
+    assert stream.nodes * NODE.itemsize > NODES_READ > RunReader.room(stream.treelet_bytes)
+    table = np.fromfile(stream.path("treelets"), TREELET)
+    low, high = ([table[f"{side}{axis}"][0] for axis in "xyz"] for side in ("lo", "hi"))
+
+    def nearly_all_in_one(treelets):
+        treelets["node"][1:] = stream.nodes - len(treelets) + np.arange(1, len(treelets))
+        treelets["nodes"][1:], treelets["nodes"][0] = 1, treelets["node"][1]
+
+    rewritten(store, "treelets", nearly_all_in_one, Kind.SPHERE)
+    for form in ("streamed", "streamed past the cache"):
+        with pytest.raises(StoreError, match="nodes: found a treelet of more bytes than"):
+            formed(store, form).cast_rays([np.mean([low, high], 0)], [[0.0, 0, 1]], refine="tree")
+
+
 @pytest.mark.parametrize("part", PARTS)
 def test_a_truncated_file_is_refused_at_open(damaged, part):
     store = damaged[0]
@@ -280,6 +324,27 @@ def test_a_system_that_refuses_reads(damaged, form, monkeypatch):
     path.unlink()
     kept.rename(path)
     same(expected, answers(scene, *rays))
+
+
+@pytest.mark.parametrize("form", ["streamed", "streamed past the cache"])
+def test_a_polygon_that_has_more_vertices_by_now(tmp_path, form):
+    """A thread keeps the polygon that it met last, which is of no use if its file has changed."""
+    shape = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 3, 0]], float)
+    with bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
+        writer.polygons(np.concatenate([np.add(shape, (x, 0, 0)) for x in (10, 20)]), [4, 4])
+    store = open_store(tmp_path / "a")
+    corners = np.fromfile(store.streams[0].path("geometry"), "<f8").reshape(2, 4, 3)
+    second = corners[1, :, 0].mean()  # either may be last
+    x, y = np.meshgrid(second + np.linspace(-0.9, 0.9, 9), np.linspace(-0.9, 2.9, 9))
+    rays = np.stack([x, y, np.full_like(x, -3)], -1).reshape(-1, 3), np.tile([0.0, 0, 1], (81, 1))
+    with formed(store, form) as scene:
+        before = scene.cast_rays(*rays, threads=1)
+        rewritten(store, "offsets", lambda ends: ends.put(0, 3))
+        found = scene.cast_rays(*rays, threads=1)
+    with formed(store, form) as scene:
+        expected = scene.cast_rays(*rays, threads=1)
+    assert (before["t_hit"] != expected["t_hit"]).any()
+    same(dict(expected), dict(found))
 
 
 def test_a_file_that_is_gone_by_now(damaged):
