@@ -326,27 +326,6 @@ def test_a_system_that_refuses_reads(damaged, form, monkeypatch):
     same(expected, answers(scene, *rays))
 
 
-@pytest.mark.parametrize("form", ["streamed", "streamed past the cache"])
-def test_a_polygon_that_has_more_vertices_by_now(tmp_path, form):
-    """A thread keeps the polygon that it met last, which is of no use if its file has changed."""
-    shape = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 3, 0]], float)
-    with bfrt.SceneWriter(tmp_path / "a", order="spatial") as writer:
-        writer.polygons(np.concatenate([np.add(shape, (x, 0, 0)) for x in (10, 20)]), [4, 4])
-    store = open_store(tmp_path / "a")
-    corners = np.fromfile(store.streams[0].path("geometry"), "<f8").reshape(2, 4, 3)
-    second = corners[1, :, 0].mean()  # either may be last
-    x, y = np.meshgrid(second + np.linspace(-0.9, 0.9, 9), np.linspace(-0.9, 2.9, 9))
-    rays = np.stack([x, y, np.full_like(x, -3)], -1).reshape(-1, 3), np.tile([0.0, 0, 1], (81, 1))
-    with formed(store, form) as scene:
-        before = scene.occluded(*rays, threads=1)["occluded"]
-        rewritten(store, "offsets", lambda ends: ends.put(0, 3))
-        found = scene.occluded(*rays, threads=1)["occluded"]
-    with formed(store, form) as scene:
-        expected = scene.occluded(*rays, threads=1)["occluded"]
-    assert (before != expected).any()
-    np.testing.assert_array_equal(expected, found)
-
-
 def test_a_file_that_is_gone_by_now(damaged):
     store, *rays = damaged
     scene = Scene(store)
