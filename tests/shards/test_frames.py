@@ -54,7 +54,7 @@ def assert_same(found, expected):
 
 
 @pytest.mark.parametrize("shards", [1, 2, 3, 5, 8])
-@pytest.mark.parametrize("way", ["base", "sgb", "tree"])
+@pytest.mark.parametrize("way", [pytest.param("base", marks=pytest.mark.slow), "sgb", "tree"])
 def test_one_carrier_a_shard(scenes, way, shards):
     scene, expected = scenes(way, shards)
     wave = wave_of(scene.sharded, [[n] for n in range(shards)], way)
@@ -92,7 +92,7 @@ def test_samples_of_a_pixel(scenes, samples):
 
 
 @pytest.mark.parametrize("light", [LIT, {"ao": 3}], ids=["of all kinds", "as it is"])
-@pytest.mark.parametrize("way", ["base", "sgb", "tree"])
+@pytest.mark.parametrize("way", [pytest.param("base", marks=pytest.mark.slow), "sgb", "tree"])
 def test_light_that_is_asked_for(scenes, way, light):
     """The rays of ambient occlusion are those of the frame's elements, whoever shades a hit."""
     scene, _ = scenes(way, 5)

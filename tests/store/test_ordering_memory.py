@@ -221,7 +221,7 @@ LEAST = re.compile(
 )
 
 
-@pytest.mark.parametrize("order", ["local", "random"])
+@pytest.mark.parametrize("order", [pytest.param("local", marks=pytest.mark.slow), "random"])
 @pytest.mark.parametrize(
     ("shape", "n"),
     [
