@@ -18,7 +18,7 @@ from bfrt.errors import ResourceError, StreamError
 
 #: Works of the short run, which between them read and write in every way, and places a fault.
 SAMPLED = (
-    "convert obj", "convert nff over a store", "render by a grid, spooled",
+    "convert obj", "render by a grid, spooled",
     "list_intersections, spooled", "save exr", "render by treelets, resumed",
     "cast_rays, past the cache",
 )  # fmt: skip
