@@ -227,8 +227,8 @@ LEAST = re.compile(
     [
         ("spheres", 500_000),
         ("triangles", 400_000),
-        ("patches", 400_000),
-        ("polygons", 200_000),
+        pytest.param("patches", 400_000, marks=pytest.mark.slow),
+        pytest.param("polygons", 200_000, marks=pytest.mark.slow),
         ("one large polygon", 8_000),
     ],
 )
