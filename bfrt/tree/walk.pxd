@@ -181,35 +181,44 @@ cdef inline int meet_leaf(const Piece* p, uint32_t first, uint32_t end, Search* 
     return 0
 
 
+# Objects of a treelet, from its first on.
+cdef struct Range:
+    uint32_t begin
+    uint32_t end
+
+
+cdef inline Range take_leaf(const Node* node, unsigned int* met) noexcept nogil:
+    """Take the first of a node's leaves that are met: return its objects."""
+    cdef uint64_t counts = leaf_counts(node)
+    cdef int at = 8 * lowest_bit(met[0])
+    cdef Range leaf
+    met[0] &= met[0] - 1
+    leaf.begin = node.first + (objects_before(counts) >> at & 0xFF)
+    leaf.end = leaf.begin + (counts >> at & 0xFF)
+    return leaf
+
+
 cdef inline int meet_leaves(const Piece* p, const Node* node, unsigned int met,
                             Search* s) except -1 nogil:
     """Test the objects of those children that are leaves and that the ray meets."""
-    cdef uint64_t counts = leaf_counts(node)
-    cdef uint64_t before = objects_before(counts)
-    cdef uint32_t first
-    cdef int at
+    cdef Range leaf
     while met:
-        at = 8 * lowest_bit(met)
-        met &= met - 1
-        first = node.first + (before >> at & 0xFF)
-        meet_leaf(p, first, first + (counts >> at & 0xFF), s)
+        leaf = take_leaf(node, &met)
+        meet_leaf(p, leaf.begin, leaf.end, s)
     return 0
 
 
 cdef inline void prefetch_leaves(const Piece* p, const Node* node, unsigned int met) noexcept nogil:
     """Have the records of leaves come from memory."""
-    cdef uint64_t counts = leaf_counts(node)
-    cdef uint64_t before = objects_before(counts)
     cdef const unsigned char* r
     cdef const unsigned char* end
-    cdef int at
+    cdef Range leaf
     if p.ends != NULL:
         return
     while met:
-        at = 8 * lowest_bit(met)
-        met &= met - 1
-        r = p.records + (node.first + (before >> at & 0xFF)) * p.stride
-        end = r + (counts >> at & 0xFF) * p.stride
+        leaf = take_leaf(node, &met)
+        r = p.records + leaf.begin * p.stride
+        end = p.records + leaf.end * p.stride
         while r < end:
             prefetch(r)
             r += 64
@@ -255,12 +264,6 @@ cdef inline int walk_treelet(const Piece* p, Search* s) except -1 nogil:
             return 0
 
 
-# Objects of a treelet, from its first on.
-cdef struct Range:
-    uint32_t begin
-    uint32_t end
-
-
 cdef inline void widen(Range* wide, uint32_t begin, uint32_t end) noexcept nogil:
     """Have a range hold another one too."""
     if wide.end == 0:
@@ -271,15 +274,10 @@ cdef inline void widen(Range* wide, uint32_t begin, uint32_t end) noexcept nogil
 
 cdef inline void widen_by_leaves(Range* wide, const Node* node, unsigned int met) noexcept nogil:
     """Have a range hold the objects of leaves that are met."""
-    cdef uint64_t counts = leaf_counts(node)
-    cdef uint64_t before = objects_before(counts)
-    cdef uint32_t first
-    cdef int at
+    cdef Range leaf
     while met:
-        at = 8 * lowest_bit(met)
-        met &= met - 1
-        first = node.first + (before >> at & 0xFF)
-        widen(wide, first, first + (counts >> at & 0xFF))
+        leaf = take_leaf(node, &met)
+        widen(wide, leaf.begin, leaf.end)
 
 
 cdef inline void look_for_leaves(const Piece* p, Search* s, Range* wide) noexcept nogil:
