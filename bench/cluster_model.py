@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 import bfrt
-from bfrt.planned import ASSUMED
+from bfrt.planning.planned import ASSUMED
 from bfrt.records import HIT_BYTES, QUERY_RAY_BYTES, QUEUED_BYTES
 from bfrt.shards.joining import join
 from bfrt.wavefront.cargo import BLOCK
@@ -59,7 +59,7 @@ class Machines:
     threads : int
         Of a worker.
     ray_rate : float
-        Legs that a thread traces a second (`bfrt.planned.Assumptions`).
+        Legs that a thread traces a second (`bfrt.planning.planned.Assumptions`).
     sweep, sweeps : float
         Seconds of a sweep over a billion objects for few rays, from disk, and sweeps of a block
         (rings 368: 40 seconds for 37 of them, in six depths: docs/performance.rst).

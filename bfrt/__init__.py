@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from bfrt.lazy import offering
 from bfrt.version import VERSION
 
 #: Where each thing that is offered lies; ``__init__.pyi`` says the same to type checkers.
@@ -25,12 +26,12 @@ OFFERED = {
     "Light": "bfrt.store.model:Light",
     "Litter": "bfrt.streams.litter:Litter",
     "Material": "bfrt.store.model:Material",
-    "Plan": "bfrt.planned:Plan",
+    "Plan": "bfrt.planning.planned:Plan",
     "Progress": "bfrt.progress:Progress",
     "ResourceError": "bfrt.errors:ResourceError",
     "Scene": "bfrt.scene:Scene",
     "SceneError": "bfrt.errors:SceneError",
-    "SceneWriter": "bfrt.scene:SceneWriter",
+    "SceneWriter": "bfrt.scene_writer:SceneWriter",
     "SettingError": "bfrt.errors:SettingError",
     "ShardedScene": "bfrt.sharded:ShardedScene",
     "ShortReadError": "bfrt.errors:ShortReadError",
@@ -60,19 +61,8 @@ __all__ = list(OFFERED)
 __version__ = VERSION
 
 
-def __getattr__(name: str) -> object:
-    """Import what is offered when it is first asked for: a program loads what it uses.
-
-    The command can then be interrupted while it is imported, which takes most of its start.
-    """
-    if name not in OFFERED:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    home, _, inside = OFFERED[name].partition(":")
-    module = import_module(home)
-    globals()[name] = offered = getattr(module, inside) if inside else module
-    return offered
+#: The command can be interrupted while it is imported, which takes most of its start.
+__getattr__ = offering(__name__, OFFERED)
 
 
 def __dir__() -> list[str]:

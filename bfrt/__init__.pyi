@@ -19,13 +19,12 @@ from bfrt.errors import (
 )
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
-from bfrt.planned import Plan
+from bfrt.planning.planned import Plan
 from bfrt.progress import Progress
 from bfrt.queries.camera import camera_rays
 from bfrt.queries.question import Answer
 from bfrt.scene import (
     Scene,
-    SceneWriter,
     cast_rays,
     contains,
     count_intersections,
@@ -37,6 +36,7 @@ from bfrt.scene import (
     turntable,
     visibility,
 )
+from bfrt.scene_writer import SceneWriter
 from bfrt.sharded import ShardedScene
 from bfrt.sharded import open_scene as open
 from bfrt.store.hierarchy import Hierarchy

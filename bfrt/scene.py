@@ -14,16 +14,11 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bfrt import cluster, planning, queries
 from bfrt.budget import capacities
 from bfrt.checkpoint.checkpoint import EVERY, Checkpoint, keeping
 from bfrt.checkpoint.identity import identity_of, identity_of_render
 from bfrt.checkpoint.soundness import QUERY_FACTS, RENDER_FACTS
-from bfrt.cluster import bands
-from bfrt.cluster.asked import Asked
-from bfrt.cluster.blocks import Local, lazy_answer
-from bfrt.cluster.engine import client_of, is_lazy
-from bfrt.cluster.place import Place
-from bfrt.cluster.point_blocks import lazy_point_answer
 from bfrt.errors import SettingError
 from bfrt.framing import framing_camera as framing_camera_of
 from bfrt.framing import turntable as turntable_of
@@ -33,18 +28,7 @@ from bfrt.image.color_scale import ColorScale
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
 from bfrt.notebook import html_of
-from bfrt.ordering_planning import ordering_of
-from bfrt.planned import Plan
-from bfrt.planning import plan_of
 from bfrt.progress import Report, reporting
-from bfrt.queries import casting
-from bfrt.queries.answers import Out
-from bfrt.queries.containment import CONTAINS
-from bfrt.queries.extras import Extras
-from bfrt.queries.given import Given, Points
-from bfrt.queries.points import PointQuestion
-from bfrt.queries.question import Answer, Question
-from bfrt.queries.visibility import visibility as visibility_of
 from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import pictures_of
@@ -55,7 +39,6 @@ from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store
 from bfrt.store.sun import Sun
-from bfrt.store.writer import StoreWriter
 from bfrt.tracing import tracer_of
 from bfrt.view import DEPTH, Cameras, Views, asked_for
 
@@ -120,9 +103,11 @@ class Scene:
     def __deepcopy__(self, _: object) -> Scene:
         return self.__copy__()
 
-    def __reduce__(self) -> tuple[Callable[[Place, Divide], Scene], tuple[Place, Divide]]:
+    def __reduce__(
+        self,
+    ) -> tuple[Callable[[cluster.Place, Divide], Scene], tuple[cluster.Place, Divide]]:
         """Reduce to the place of the store, which another process opens for itself."""
-        return _sent, (Place.of(self.store), self._session.divide)
+        return _sent, (cluster.Place.of(self.store), self._session.divide)
 
     def __repr__(self) -> str:
         return f"<Scene {str(self.path)!r}: {self.objects:,} objects>"
@@ -232,7 +217,7 @@ class Scene:
 
     def _refinement(self, asked: str | None, *of_grid: int | bool | None) -> str:
         """Return the refinement asked for, or the one for this store and settings of a grid."""
-        if asked == TREE and (ordering := ordering_of(self.store)) is not None:
+        if asked == TREE and (ordering := planning.ordering_of(self.store)) is not None:
             raise SettingError(
                 f"refine: found {TREE!r} for {self.path}, whose objects are in the order given, "
                 "expected base, sg or sgb, or a store made with order='spatial', which takes "
@@ -254,7 +239,7 @@ class Scene:
         every: float,
         what: str,
         settings: Settings,
-        out: Out | None,
+        out: queries.Out | None,
     ) -> Iterator[Checkpoint | None]:
         """Yield the checkpoint of a query, if one is asked for, with what it has found."""
         if checkpoint is not None and not isinstance(out, (str, os.PathLike)):
@@ -535,7 +520,7 @@ class Scene:
         views = Views.of(self.store, camera, samples, depth, aovs, light)
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         if client is not None and client is not False:
-            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
             return asked_for(self._render_by(client, views, asked, progress, checkpoint), camera)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         reported, inside = reporting(progress), self._inside(settings, "rendering")
@@ -558,7 +543,7 @@ class Scene:
         self,
         client: Client,
         views: Views,
-        asked: Asked,
+        asked: cluster.Asked,
         progress: bool | Report,
         checkpoint: PathLike | Checkpoint | None,
     ) -> Images:
@@ -570,7 +555,7 @@ class Scene:
             )
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
             heard = None if progress is False else report
-            return bands.render(client_of(client), self.store, views, asked, heard)
+            return cluster.render_bands(cluster.client_of(client), self.store, views, asked, heard)
 
     def plan(
         self,
@@ -593,7 +578,7 @@ class Scene:
         max_grid: int | None = None,
         scratch: PathLike | None = None,
         checkpoint: PathLike | None = None,
-    ) -> Plan:
+    ) -> planning.Plan:
         """Estimate the passes, bytes and seconds of a render, without reading any object.
 
         Parameters
@@ -622,18 +607,18 @@ class Scene:
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         held = self._session.divide(self.store, settings, views.frame)
-        return plan_of(self.store, views, settings, held, kept=checkpoint is not None)
+        return planning.plan_of(self.store, views, settings, held, kept=checkpoint is not None)
 
     def cast_rays(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
         outputs: Sequence[str] = (),
         side: str = "incoming",
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -644,7 +629,7 @@ class Scene:
         scratch: PathLike | None = None,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find the nearest hit of each ray.
 
         Parameters
@@ -704,26 +689,27 @@ class Scene:
         for bit, for every memory budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
-        extras = Extras.of(outputs, side)
-        if is_lazy(origins, directions, t_min, t_max):
-            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
-            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_answer("cast_rays", self.store, rays, asked, local, extras)
+        extras = queries.Extras.of(outputs, side)
+        if cluster.is_lazy(origins, directions, t_min, t_max):
+            local = cluster.Local(out, progress, checkpoint)
+            rays = (origins, directions, t_min, t_max)
+            asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return cluster.lazy_answer("cast_rays", self.store, rays, asked, local, extras)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "cast_rays", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
-            question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.nearest(extras).answer(self._session.tracer, question, settings)
+            question = queries.Question(origins, directions, t_min, t_max, out, report, kept)
+            return queries.nearest(extras).answer(self._session.tracer, question, settings)
 
     def occluded(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -734,7 +720,7 @@ class Scene:
         scratch: PathLike | None = None,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find whether each ray hits anything in (t_min, t_max).
 
         For the way from a to b give directions ``b - a`` and t_max 1, or a little less if b is on a
@@ -779,25 +765,26 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
-        if is_lazy(origins, directions, t_min, t_max):
-            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
-            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_answer("occluded", self.store, rays, asked, local)
+        if cluster.is_lazy(origins, directions, t_min, t_max):
+            local = cluster.Local(out, progress, checkpoint)
+            rays = (origins, directions, t_min, t_max)
+            asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return cluster.lazy_answer("occluded", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "occluded", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
-            question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.ANY_HIT.answer(self._session.tracer, question, settings)
+            question = queries.Question(origins, directions, t_min, t_max, out, report, kept)
+            return queries.ANY_HIT.answer(self._session.tracer, question, settings)
 
     def count_intersections(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -808,7 +795,7 @@ class Scene:
         scratch: PathLike | None = None,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Count all hits of each ray in (t_min, t_max).
 
         A sphere or cone that is crossed twice counts twice; one that is touched counts once. A hit
@@ -853,25 +840,26 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
-        if is_lazy(origins, directions, t_min, t_max):
-            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
-            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_answer("count_intersections", self.store, rays, asked, local)
+        if cluster.is_lazy(origins, directions, t_min, t_max):
+            local = cluster.Local(out, progress, checkpoint)
+            rays = (origins, directions, t_min, t_max)
+            asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return cluster.lazy_answer("count_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "count_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
-            question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.COUNT.answer(self._session.tracer, question, settings)
+            question = queries.Question(origins, directions, t_min, t_max, out, report, kept)
+            return queries.COUNT.answer(self._session.tracer, question, settings)
 
     def list_intersections(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -882,7 +870,7 @@ class Scene:
         scratch: PathLike | None = None,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find all hits of each ray in (t_min, t_max).
 
         Parameters
@@ -926,26 +914,27 @@ class Scene:
             As for `render`.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
-        if is_lazy(origins, directions, t_min, t_max):
-            rays, local = (origins, directions, t_min, t_max), Local(out, progress, checkpoint)
-            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_answer("list_intersections", self.store, rays, asked, local)
+        if cluster.is_lazy(origins, directions, t_min, t_max):
+            local = cluster.Local(out, progress, checkpoint)
+            rays = (origins, directions, t_min, t_max)
+            asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return cluster.lazy_answer("list_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "list_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
-            question = Question(origins, directions, t_min, t_max, out, report, kept)
-            return casting.LIST.answer(self._session.tracer, question, settings)
+            question = queries.Question(origins, directions, t_min, t_max, out, report, kept)
+            return queries.LIST.answer(self._session.tracer, question, settings)
 
     def visibility(
         self,
-        points: Points,
-        normals: Points | None = None,
+        points: queries.Points,
+        normals: queries.Points | None = None,
         rays: int = 64,
         distance: float = np.inf,
         *,
         cosine: bool = False,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -956,7 +945,7 @@ class Scene:
         scratch: PathLike | None = None,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find which part of what is around each point is open: ambient occlusion, sky view.
 
         Parameters
@@ -1009,23 +998,25 @@ class Scene:
         the same, bit for bit, for every memory budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
-        query = visibility_of(rays, distance, around_normals=normals is not None, cosine=cosine)
-        if is_lazy(points, normals):
-            local = Local(out, progress, checkpoint)
-            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_point_answer(query, self.store, (points, normals), asked, local)
+        query = queries.visibility_of(
+            rays, distance, around_normals=normals is not None, cosine=cosine
+        )
+        if cluster.is_lazy(points, normals):
+            local = cluster.Local(out, progress, checkpoint)
+            asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return cluster.lazy_point_answer(query, self.store, (points, normals), asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "visibility", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
-            question = PointQuestion(points, normals, out, report, kept)
+            question = queries.PointQuestion(points, normals, out, report, kept)
             return query.answer(self._session.tracer, question, settings)
 
     def contains(
         self,
-        points: Points,
+        points: queries.Points,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -1036,7 +1027,7 @@ class Scene:
         scratch: PathLike | None = None,
         checkpoint: PathLike | Checkpoint | None = None,
         every: float = EVERY,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find which points are inside of what is closed: meshes and spheres.
 
         A point is inside if a ray from it crosses surfaces an odd number of times; two rays are
@@ -1072,37 +1063,18 @@ class Scene:
         budget, number of threads and refinement.
         """
         refine = self._refinement(refine, grid, max_grid, fresh_marks)
-        if is_lazy(points):
-            local = Local(out, progress, checkpoint)
-            asked = Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return lazy_point_answer(CONTAINS, self.store, (points, None), asked, local)
+        if cluster.is_lazy(points):
+            local = cluster.Local(out, progress, checkpoint)
+            asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
+            return cluster.lazy_point_answer(
+                queries.CONTAINS, self.store, (points, None), asked, local
+            )
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "contains", settings, out)
         inside = self._inside(settings, "tracing rays")
         with reporting(progress) as report, inside, work as kept:
-            question = PointQuestion(points, None, out, report, kept)
-            return CONTAINS.answer(self._session.tracer, question, settings)
-
-
-class SceneWriter(StoreWriter):
-    __doc__ = StoreWriter.__doc__
-
-    def close(self) -> Scene:
-        """Complete the store and give it its name.
-
-        Returns
-        -------
-        Scene
-            The new store, opened.
-
-        Raises
-        ------
-        SceneError, SettingError
-            As for `complete`.
-        DiskFullError, StreamError
-            If the system refuses a write; nothing is left behind.
-        """
-        return Scene(self.complete())
+            question = queries.PointQuestion(points, None, out, report, kept)
+            return queries.CONTAINS.answer(self._session.tracer, question, settings)
 
 
 def open_scene(path: PathLike) -> Scene:
@@ -1131,7 +1103,7 @@ def open_scene(path: PathLike) -> Scene:
         return Scene(open_any(path))
 
 
-def _sent(place: Place, divide: Divide) -> Scene:
+def _sent(place: cluster.Place, divide: Divide) -> Scene:
     """Open a scene that another process has sent."""
     return Scene(place.open(), divide)
 

@@ -10,6 +10,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bfrt import queries
 from bfrt.cluster.asked import Asked
 from bfrt.errors import SettingError
 from bfrt.framing import turntable
@@ -20,9 +21,6 @@ from bfrt.image.pictures import Images
 from bfrt.notebook import bounds_rows, table
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
-from bfrt.queries.answers import Out
-from bfrt.queries.given import Given
-from bfrt.queries.question import Answer, Question
 from bfrt.refusals import in_memory
 from bfrt.scene import Geometry, PathLike, Scene
 from bfrt.scene import open_scene as open_here
@@ -35,7 +33,7 @@ from bfrt.view import DEPTH, Cameras, Views, asked_for
 from bfrt.wavefront.scene import ALL, ANY, COUNT, NEAREST, Wanted, Wavefront
 
 #: Rays, their ends, and where the answer goes.
-Asking = tuple[Given, Given | None, ArrayLike, ArrayLike, Out | None]
+Asking = tuple[queries.Given, queries.Given | None, ArrayLike, ArrayLike, queries.Out | None]
 
 
 class ShardedScene:
@@ -241,12 +239,12 @@ class ShardedScene:
 
     def cast_rays(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -254,7 +252,7 @@ class ShardedScene:
         grid: int | None = None,
         max_grid: int | None = None,
         scratch: PathLike | None = None,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find the nearest hit of each ray.
 
         Parameters
@@ -284,12 +282,12 @@ class ShardedScene:
 
     def occluded(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -297,7 +295,7 @@ class ShardedScene:
         grid: int | None = None,
         max_grid: int | None = None,
         scratch: PathLike | None = None,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find whether each ray hits anything in (t_min, t_max).
 
         Parameters
@@ -323,12 +321,12 @@ class ShardedScene:
 
     def count_intersections(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -336,7 +334,7 @@ class ShardedScene:
         grid: int | None = None,
         max_grid: int | None = None,
         scratch: PathLike | None = None,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Count all hits of each ray in (t_min, t_max).
 
         Parameters
@@ -362,12 +360,12 @@ class ShardedScene:
 
     def list_intersections(
         self,
-        origins: Given,
-        directions: Given | None = None,
+        origins: queries.Given,
+        directions: queries.Given | None = None,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
-        out: Out | None = None,
+        out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
         threads: int | None = None,
@@ -375,7 +373,7 @@ class ShardedScene:
         grid: int | None = None,
         max_grid: int | None = None,
         scratch: PathLike | None = None,
-    ) -> Answer:
+    ) -> queries.Answer:
         """Find all hits of each ray in (t_min, t_max).
 
         Parameters
@@ -408,9 +406,9 @@ class ShardedScene:
         progress: bool | Report,
         asked: Asked,
         refine: str | None,
-    ) -> Answer:
+    ) -> queries.Answer:
         with reporting(progress) as report:
-            question = Question(*rays, report)
+            question = queries.Question(*rays, report)
             return self._wavefront.answer(wanted, question, asked, refine)
 
 

@@ -18,7 +18,8 @@ from bfrt.budget import Capacities, GridCapacities, TreeCapacities
 from bfrt.checkpoint.state import Facts, SavedState
 from bfrt.image.picture import Image
 from bfrt.records import Kind
-from bfrt.scene import Scene, SceneWriter, open_scene
+from bfrt.scene import Scene, open_scene
+from bfrt.scene_writer import SceneWriter
 from bfrt.store.making import Order
 from bfrt.store.model import Camera, Light, Material
 from bfrt.tracer import Tracer

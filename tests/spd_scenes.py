@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from bfrt.records import SCALARS, Kind
-from bfrt.scene import SceneWriter, open_scene
+from bfrt.scene import open_scene
+from bfrt.scene_writer import SceneWriter
 from bfrt.spd.recipe import ORIGIN
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -20,9 +20,9 @@ def fresh(code):
     return done.stdout.strip()
 
 
-def offered_to_type_checkers():
+def offered_to_type_checkers(package):
     """What the stub imports, by its name: ``module:name``."""
-    stub = ast.parse(Path(bfrt.__file__).with_suffix(".pyi").read_text())
+    stub = ast.parse(Path(package.__file__).with_suffix(".pyi").read_text())
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
     return {
         name.asname or name.name: f"{node.module}:{name.name}"
@@ -32,7 +32,7 @@ def offered_to_type_checkers():
 
 
 def test_all_is_offered():
-    told = offered_to_type_checkers() | {"spd": "bfrt.spd"}
+    told = offered_to_type_checkers(bfrt) | {"spd": "bfrt.spd"}
     assert told == bfrt.OFFERED
     assert bfrt.__all__ == sorted(bfrt.OFFERED)
     for name in bfrt.__all__:
@@ -40,6 +40,15 @@ def test_all_is_offered():
         module = importlib.import_module(home)
         assert getattr(bfrt, name) is (getattr(module, inside) if inside else module)
     assert set(bfrt.__all__) < set(dir(bfrt))
+
+
+@pytest.mark.parametrize("room", ["cluster", "planning", "queries"])
+def test_all_that_a_room_offers_is_there(room):
+    package = importlib.import_module(f"bfrt.{room}")
+    assert offered_to_type_checkers(package) == package.OFFERED
+    for name in package.OFFERED:
+        assert getattr(package, name) is not None
+        assert name in vars(package)  # kept for the next time
 
 
 @pytest.mark.parametrize("name", ["nothing", "__nothing__"])
@@ -53,8 +62,11 @@ def test_the_first_use_imports():
     assert fresh(f"import bfrt, sys; {asked}; bfrt.render; {asked}") == "False\nTrue"
 
 
-def test_a_render_loads_no_conversion():
-    asked = "print(any(name.startswith('bfrt.conversion') for name in sys.modules))"
+@pytest.mark.parametrize(
+    "room", ["cluster.bands", "conversion", "formats", "planning.planned", "queries.question"]
+)
+def test_a_render_loads_nothing_else(room):
+    asked = f"print(any(name.startswith('bfrt.{room}') for name in sys.modules))"
     assert fresh(f"import bfrt, sys; bfrt.render; {asked}") == "False"
 
 

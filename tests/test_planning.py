@@ -9,9 +9,9 @@ import pytest
 from injected import dividing
 
 import bfrt
-from bfrt.grid_planning import swept_of
-from bfrt.planned import ASSUMED
-from bfrt.planner import waves
+from bfrt.planning.grid import swept_of
+from bfrt.planning.planned import ASSUMED
+from bfrt.planning.planner import waves
 from bfrt.records import Kind
 from bfrt.settings import REFINEMENTS
 

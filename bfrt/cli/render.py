@@ -33,7 +33,7 @@ from bfrt.image.picture import SUFFIXES, Image
 from bfrt.image.pictures import Images, Output, save_outputs
 from bfrt.image.sheet import check_sheet
 from bfrt.paths import check_apart, check_file
-from bfrt.planned import Plan
+from bfrt.planning.planned import Plan
 from bfrt.records import ON_REQUEST
 from bfrt.refusals import calling
 from bfrt.scene import Scene, open_scene

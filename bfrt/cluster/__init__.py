@@ -11,3 +11,19 @@ What travels is small: a store as its path and checksum, settings, a view; rays 
 as Dask moves its blocks. Dask schedules, replaces workers and moves arrays; it is imported when it
 is first asked for.
 """
+
+from bfrt.lazy import offering
+
+#: Where each thing lies that other rooms ask for; ``__init__.pyi`` says the same to type checkers.
+OFFERED = {
+    "Asked": "bfrt.cluster.asked:Asked",
+    "Local": "bfrt.cluster.blocks:Local",
+    "Place": "bfrt.cluster.place:Place",
+    "client_of": "bfrt.cluster.engine:client_of",
+    "is_lazy": "bfrt.cluster.engine:is_lazy",
+    "lazy_answer": "bfrt.cluster.blocks:lazy_answer",
+    "lazy_point_answer": "bfrt.cluster.point_blocks:lazy_point_answer",
+    "render_bands": "bfrt.cluster.bands:render",
+}
+
+__getattr__ = offering(__name__, OFFERED)

@@ -34,7 +34,8 @@ from bfrt.formats.reading import Uses
 from bfrt.image.color_scale import ColorScale
 from bfrt.paths import HEADER, facts_at, is_marked
 from bfrt.refusals import calling
-from bfrt.scene import PathLike, SceneWriter
+from bfrt.scene import PathLike
+from bfrt.scene_writer import SceneWriter
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.coordinates import Coordinates
 from bfrt.store.hierarchy import Hierarchy

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bfrt.image.color_scale import ColorScale
 from bfrt.records import Kind
-from bfrt.scene import SceneWriter
+from bfrt.scene_writer import SceneWriter
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.threads import Pool
 from bfrt.workers import usable_threads

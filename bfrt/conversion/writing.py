@@ -21,7 +21,8 @@ from bfrt.formats.room import Need, need_of, ordering_of, rooms_for
 from bfrt.formats.source import Report
 from bfrt.paths import facts_at
 from bfrt.progress import DoneReport, staged
-from bfrt.scene import PathLike, Scene, SceneWriter
+from bfrt.scene import PathLike, Scene
+from bfrt.scene_writer import SceneWriter
 from bfrt.spd.recipe import SpdScene
 from bfrt.store.hierarchy import Hierarchy
 from bfrt.store.making import Order

@@ -21,7 +21,8 @@ from bfrt.errors import Cancelled, SettingError
 from bfrt.paths import is_there, without_links
 from bfrt.progress import DoneReport, check_report, is_no, staged
 from bfrt.records import BOX_BYTES, CODE_BYTES, MATERIAL_BYTES, OFFSET_BYTES, SCALARS, Kind
-from bfrt.scene import Scene, SceneWriter, open_scene
+from bfrt.scene import Scene, open_scene
+from bfrt.scene_writer import SceneWriter
 from bfrt.spd.blocks import BLOCK_OBJECTS, Block, Scalar, Task
 from bfrt.spd.nff import BlockText, block_text, fill_text, head_text
 from bfrt.store.columns import prepare

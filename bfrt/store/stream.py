@@ -22,9 +22,6 @@ from bfrt.records import (
 )
 from bfrt.store.file_facts import FileFacts
 from bfrt.store.folder import StoreFolder
-from bfrt.store.model import Vector
-from bfrt.store.ordering.given import GivenFiles
-from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.streams.reader import SharedFile
 
 
@@ -84,15 +81,6 @@ class Stream:
     def boxed(self) -> bool:
         """Tell whether boxes are stored; others are worked out of the records, of one size."""
         return self.kind.boxed and (self.kind.counted or not self.ordered)
-
-    def given(self, origin: Vector) -> GivenFiles:
-        """Describe the files of a stream in the order given, as its ordering takes them."""
-        layout = Layout(
-            self.kind, self.wide, origin, id_bytes_of(self.count), self.material_bytes,
-            self.material,
-        )  # fmt: skip
-        records = self.vertices if self.kind.counted else self.count
-        return GivenFiles(self.folder, layout, self.count, records, max(1, self.largest))
 
     def path(self, name: str) -> Path:
         return self.folder / name

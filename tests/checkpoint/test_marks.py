@@ -12,7 +12,8 @@ from injected import dividing
 
 from bfrt.grid.marks_log import MarksLog
 from bfrt.phases.preprocess import Marking
-from bfrt.scene import SceneWriter, open_scene
+from bfrt.scene import open_scene
+from bfrt.scene_writer import SceneWriter
 
 SETTINGS = {"camera": VIEW, "threads": 2, "refine": "sgb"}
 GRID = 40  # voxels an axis: five layers of bricks

@@ -65,7 +65,7 @@ PLANNED = """
 import concurrent.futures, os, sys, weakref
 import numpy as np
 from bfrt import workers
-from bfrt.ordering_planning import ordering_of
+from bfrt.planning.ordering import ordering_of
 from bfrt.store.ordering import order as ordering
 from bfrt.store.writer import StoreWriter
 from bfrt.store.store import open_store

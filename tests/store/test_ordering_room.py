@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import bfrt
 from bfrt.errors import DiskFullError, SettingError
-from bfrt.ordering_planning import ordering_of
+from bfrt.planning.ordering import ordering_of
 from bfrt.records import NODE_BYTES, TREELET_BYTES
 from bfrt.store import written
 from bfrt.store.header import header_text

@@ -13,8 +13,17 @@ from numpy.typing import NDArray
 from bfrt.errors import ShortReadError
 from bfrt.records import OFFSET_BYTES
 from bfrt.refusals import calling, closing, refused
-from bfrt.store.ordering.objects import OBJECTS_AT_ONCE, Layout, Objects, bytes_for, few_at_once
+from bfrt.store.model import Vector
+from bfrt.store.ordering.objects import (
+    OBJECTS_AT_ONCE,
+    Layout,
+    Objects,
+    bytes_for,
+    few_at_once,
+    id_bytes_of,
+)
 from bfrt.store.ordering.room import Amount, Room, room_of
+from bfrt.store.stream import Stream
 
 
 class GivenFiles(NamedTuple):
@@ -45,6 +54,16 @@ class GivenFiles(NamedTuple):
     def room(self, local: bool) -> Room:
         """Work out the room on disk of its ordering."""
         return room_of(self.layout, self.amount(local))
+
+    @classmethod
+    def of(cls, stream: Stream, origin: Vector) -> GivenFiles:
+        """Describe the files of a stream whose coordinates count from an origin."""
+        layout = Layout(
+            stream.kind, stream.wide, origin, id_bytes_of(stream.count), stream.material_bytes,
+            stream.material,
+        )  # fmt: skip
+        records = stream.vertices if stream.kind.counted else stream.count
+        return cls(stream.folder, layout, stream.count, records, max(1, stream.largest))
 
     def blocks(self) -> Iterator[Objects]:
         """Yield all objects, in the order given."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from bfrt.budget import TreeCapacities
-from bfrt.planned import ASSUMED, PhasePlan, TreePlan
-from bfrt.planner import NOTHING, Planner, Wave
+from bfrt.planning.planned import ASSUMED, PhasePlan, TreePlan
+from bfrt.planning.planner import NOTHING, Planner, Wave
 from bfrt.records import NODE_BYTES
 from bfrt.settings import Settings
 from bfrt.store.store import Store

@@ -9,11 +9,11 @@ from `ASSUMED`.
 from __future__ import annotations
 
 from bfrt.budget import Capacities, GridCapacities, TreeCapacities
-from bfrt.grid_planning import GridPlanner
-from bfrt.planned import Plan
+from bfrt.planning.grid import GridPlanner
+from bfrt.planning.planned import Plan
+from bfrt.planning.tree import TreePlanner
 from bfrt.settings import Settings
 from bfrt.store.store import Store
-from bfrt.tree_planning import TreePlanner
 from bfrt.view import Views
 
 

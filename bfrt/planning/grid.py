@@ -14,8 +14,8 @@ from bfrt.grid.marks_home import marks_path
 from bfrt.grid.partition import partition_of, subspaces
 from bfrt.grid.slabs import Slabs, cuts_of
 from bfrt.phases.preprocess import grid_of, layout_of
-from bfrt.planned import ASSUMED, GridPlan, PhasePlan
-from bfrt.planner import Planner, Wave
+from bfrt.planning.planned import ASSUMED, GridPlan, PhasePlan
+from bfrt.planning.planner import Planner, Wave
 from bfrt.settings import Refinement, Settings
 from bfrt.store.store import Group, Store
 from bfrt.view import Views

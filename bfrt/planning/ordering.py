@@ -7,7 +7,8 @@ disk, or a budget, that has less.
 from __future__ import annotations
 
 from bfrt.memory import BASELINE
-from bfrt.planned import ASSUMED, OrderingPlan
+from bfrt.planning.planned import ASSUMED, OrderingPlan
+from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.memory import SLOWEST, Pace, memory_of
 from bfrt.store.ordering.room import room_beside, traffic_of
 from bfrt.store.store import Store
@@ -19,7 +20,7 @@ def ordering_of(store: Store) -> OrderingPlan | None:
     if store.ordered:
         return None
     streams = [stream for stream in store.streams if stream.count and not stream.ordered]
-    each = [(stream.given(store.origin), stream.local) for stream in streams]
+    each = [(GivenFiles.of(stream, store.origin), stream.local) for stream in streams]
     known = [(files.layout, files.amount(local)) for files, local in each]
     traffic = [traffic_of(*stream) for stream in known]
     read = sum(part.read for part in traffic)

@@ -9,9 +9,9 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from bfrt.budget import Capacities
 from bfrt.image.frame import IMAGE_BAND
-from bfrt.ordering_planning import ordering_of
 from bfrt.phases.eye import count_eye_rays
-from bfrt.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan, TreePlan
+from bfrt.planning.ordering import ordering_of
+from bfrt.planning.planned import ASSUMED, DiskPlan, GridPlan, PhasePlan, Plan, RayPlan, TreePlan
 from bfrt.records import HIT_BYTES, PATH_BYTES, QUEUED_BYTES, RAY_BYTES
 from bfrt.settings import Settings
 from bfrt.store.store import Store
