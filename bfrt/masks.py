@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ def is_masked(value: Any) -> bool:
 
     What makes a plain array of them drops the mask, and goes on with what is below.
     """
+    if "numpy.ma" not in sys.modules:  # nobody has made one; NumPy imports it at first use
+        return False
     if isinstance(value, (list, tuple)):
         return any(
             isinstance(part, (list, tuple, np.ma.MaskedArray)) and is_masked(part) for part in value

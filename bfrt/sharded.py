@@ -10,8 +10,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bfrt import queries
-from bfrt.cluster.asked import Asked
+from bfrt import cluster, queries, wavefront
 from bfrt.errors import SettingError
 from bfrt.framing import turntable
 from bfrt.ids import kind_of
@@ -30,10 +29,6 @@ from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.sun import Sun
 from bfrt.view import DEPTH, Cameras, Views, asked_for
-from bfrt.wavefront.scene import ALL, ANY, COUNT, NEAREST, Wanted, Wavefront
-
-#: Rays, their ends, and where the answer goes.
-Asking = tuple[queries.Given, queries.Given | None, ArrayLike, ArrayLike, queries.Out | None]
 
 
 class ShardedScene:
@@ -58,7 +53,7 @@ class ShardedScene:
                 f"client: found one for {self._path}, expected a sharded scene ({SUFFIX}): other "
                 "scenes take it with each call"
             )
-        self._wavefront = Wavefront(client, self._path)
+        self._wavefront = wavefront.Wavefront(client, self._path)
 
     def __repr__(self) -> str:
         workers = len(self._wavefront.carriers)
@@ -233,7 +228,9 @@ class ShardedScene:
             )
         light = LightAsked(lights, ambient, ao, ao_distance, background)
         views = Views.of(self._wavefront.store, camera, samples, depth, aovs, light)
-        asked = Asked(memory, threads, refine or FINEST, grid, max_grid, fresh_marks, scratch)
+        asked = cluster.Asked(
+            memory, threads, refine or FINEST, grid, max_grid, fresh_marks, scratch
+        )
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
             return asked_for(self._wavefront.render(views, asked, refine, report), camera)
 
@@ -278,7 +275,7 @@ class ShardedScene:
         """
         asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
-        return self._answer(NEAREST, rays, progress, asked, refine)
+        return self._answer(wavefront.NEAREST, rays, progress, asked, refine)
 
     def occluded(
         self,
@@ -317,7 +314,7 @@ class ShardedScene:
         """
         asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
-        return self._answer(ANY, rays, progress, asked, refine)
+        return self._answer(wavefront.ANY, rays, progress, asked, refine)
 
     def count_intersections(
         self,
@@ -356,7 +353,7 @@ class ShardedScene:
         """
         asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
-        return self._answer(COUNT, rays, progress, asked, refine)
+        return self._answer(wavefront.COUNT, rays, progress, asked, refine)
 
     def list_intersections(
         self,
@@ -397,14 +394,14 @@ class ShardedScene:
         """
         asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
-        return self._answer(ALL, rays, progress, asked, refine)
+        return self._answer(wavefront.ALL, rays, progress, asked, refine)
 
     def _answer(
         self,
-        wanted: Wanted,
-        rays: Asking,
+        wanted: wavefront.Wanted,
+        rays: queries.RaysGiven,
         progress: bool | Report,
-        asked: Asked,
+        asked: cluster.Asked,
         refine: str | None,
     ) -> queries.Answer:
         with reporting(progress) as report:
@@ -415,9 +412,9 @@ class ShardedScene:
 def asked_of(
     memory: str | int | None, threads: int | None, refine: str | None, grid: int | None,
     max_grid: int | None, scratch: PathLike | None,
-) -> Asked:  # fmt: skip
+) -> cluster.Asked:  # fmt: skip
     """Return the settings of a query, which keeps the marks that are there."""
-    return Asked(
+    return cluster.Asked(
         memory, threads, refine or FINEST, grid, max_grid, fresh_marks=False, scratch=scratch
     )
 

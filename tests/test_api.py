@@ -42,7 +42,7 @@ def test_all_is_offered():
     assert set(bfrt.__all__) < set(dir(bfrt))
 
 
-@pytest.mark.parametrize("room", ["cluster", "planning", "queries"])
+@pytest.mark.parametrize("room", ["cluster", "planning", "queries", "wavefront"])
 def test_all_that_a_room_offers_is_there(room):
     package = importlib.import_module(f"bfrt.{room}")
     assert offered_to_type_checkers(package) == package.OFFERED

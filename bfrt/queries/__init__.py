@@ -27,6 +27,7 @@ OFFERED = {
     "PointQuestion": "bfrt.queries.points:PointQuestion",
     "Points": "bfrt.queries.given:Points",
     "Question": "bfrt.queries.question:Question",
+    "RaysGiven": "bfrt.queries.question:RaysGiven",
     "nearest": "bfrt.queries.casting:nearest",
     "visibility_of": "bfrt.queries.visibility:visibility",
 }

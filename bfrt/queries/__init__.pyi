@@ -6,7 +6,7 @@ from bfrt.queries.containment import CONTAINS
 from bfrt.queries.extras import Extras
 from bfrt.queries.given import Given, Points
 from bfrt.queries.points import PointQuestion
-from bfrt.queries.question import Answer, Question
+from bfrt.queries.question import Answer, Question, RaysGiven
 from bfrt.queries.visibility import visibility as visibility_of
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "PointQuestion",
     "Points",
     "Question",
+    "RaysGiven",
     "nearest",
     "visibility_of",
 ]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bfrt.errors import SceneError, SettingError, StreamError
-from bfrt.formats.npy import NpyArray
+from bfrt.formats.npy_array import NpyArray
 from bfrt.formats.source import Source
 from bfrt.masks import is_masked
 from bfrt.paths import path_of

@@ -39,6 +39,9 @@ HELD = "held"
 #: Takes records of rays.
 Take = Callable[[NDArray[Any]], object]
 
+#: Rays, their ends, and where the answer goes.
+RaysGiven = tuple[Given, Given | None, ArrayLike, ArrayLike, Out | None]
+
 
 class Answer(dict[str, NDArray[Any]]):
     """Maps names to the arrays of a query's answer.

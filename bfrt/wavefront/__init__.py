@@ -20,3 +20,17 @@ Of a picture the client has film and queues, and the depth loop (`frame`)::
       ▲                                                        │
       └─ rays that go on, elements of the film ◄─ HitShading ◄─┘  by the carrier of the object
 """
+
+from bfrt.lazy import offering
+
+#: Where each thing lies that other rooms ask for; ``__init__.pyi`` says the same to type checkers.
+OFFERED = {
+    "ALL": "bfrt.wavefront.scene:ALL",
+    "ANY": "bfrt.wavefront.scene:ANY",
+    "COUNT": "bfrt.wavefront.scene:COUNT",
+    "NEAREST": "bfrt.wavefront.scene:NEAREST",
+    "Wanted": "bfrt.wavefront.scene:Wanted",
+    "Wavefront": "bfrt.wavefront.scene:Wavefront",
+}
+
+__getattr__ = offering(__name__, OFFERED)
