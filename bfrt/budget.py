@@ -39,7 +39,8 @@ UPPER_PART = 0.4
 BLOCK_PART = 0.04
 SUBSPACE_PART = 0.7
 IN_FLIGHT_PART = 0.45
-#: Treelets that may stay in memory, of what the frame leaves; rays at once where they do.
+#: Treelets that may stay in memory, of what the frame leaves; sketches of them, where they do not;
+#: rays at once where they do.
 RESIDENT_PART = 0.6
 KEPT_PART = 0.4
 RESIDENT_RAYS = 1 << 16
@@ -133,7 +134,7 @@ class TreeCapacities(Capacities):
     resident : bool
         Whether there is room for all treelets.
     kept : int
-        Bytes of treelets' nodes that stay where there is not.
+        Bytes of sketches of treelets that stay where there is not.
     cached : bool
         Whether the system's cache, which has what the budget leaves, has room for all treelets.
     """

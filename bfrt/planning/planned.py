@@ -80,7 +80,7 @@ class Assumptions:
     tree_left: float = 0.04
     entered: float = 1.0
     seen: float = 0.5
-    tree_read: float = 0.4
+    tree_read: float = 0.55
     tree_read_rate: float = 5e8
     tree_rate: float = 6e5
     order_rate: float = 2.5e6

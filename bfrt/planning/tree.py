@@ -52,7 +52,9 @@ class TreePlanner(Planner[TreeCapacities]):
             read = min(1.0, self._part(self.eye)) * whole
             most = float(whole)
         else:
-            once = min(self.held.kept, self.tree.nodes * NODE_BYTES)
+            # Nodes of treelets that have a sketch are not read again.
+            sketched = min(1.0, self.held.kept / Forest.kept_bytes(self.store))
+            once = sketched * self.tree.nodes * NODE_BYTES
             streamed = whole - once
             visits = self.bands * sum(map(self._part, active))
             read = once + visits * a.tree_read * streamed

@@ -16,6 +16,9 @@ def node_met(
 def box_met(
     box: NDArray[np.float32], origin: Sequence[float], direction: Sequence[float], grow: float
 ) -> tuple[float, float] | None: ...
+def drawn(
+    nodes: NDArray[np.uint8], objects: int, most: int
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16]] | None: ...
 
 class TopTree:
     def __init__(

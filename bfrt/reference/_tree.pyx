@@ -3,13 +3,14 @@
 Tests ask it, and brute force too.
 """
 
-from libc.stdint cimport int64_t, uint8_t, uint32_t
+from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t
 
 import numpy as np
 
 from bfrt.geometry.box cimport Box, Span, box_add, box_clear, box_span
 from bfrt.geometry.vector cimport Line, line, vec
 from bfrt.tree.sight cimport Heading, Sight, heading_of, sight_of, sight_reach, spans_of
+from bfrt.tree.sketch cimport MOST_DRAWN, Begins, draw
 from bfrt.tree.top cimport MOST_CANDIDATES, Entry, Look, Top, next_treelets
 from bfrt.treelets.node cimport WIDE, Node, node_boxes, quantum_of
 
@@ -63,6 +64,20 @@ def box_met(const float[::1] box, origin, direction, double grow):
     if not box_span(<const Box*>&box[0], grow, &l, &span):
         return None
     return span.near, span.far
+
+
+def drawn(const uint8_t[::1] nodes, uint32_t objects, int most):
+    """Return the sketch of a treelet, of `most` nodes at the most: these, as bytes, (most, 80), and
+    where the leaves of each begin, (most, 8); None if it cannot be drawn.
+    """
+    cdef uint8_t[:, ::1] memory = np.zeros((MOST_DRAWN, sizeof(Node)), np.uint8)
+    cdef uint16_t[:, ::1] begins = np.zeros((MOST_DRAWN, 8), np.uint16)
+    if not draw(
+        <const Node*>&nodes[0], <uint32_t>(nodes.shape[0] // sizeof(Node)), objects, most,
+        <Node*>&memory[0, 0], <Begins*>&begins[0, 0],
+    ):
+        return None
+    return np.asarray(memory)[:most], np.asarray(begins)[:most]
 
 
 cdef class TopTree:

@@ -14,7 +14,7 @@ from libc.stdint cimport int64_t, uint32_t
 from bfrt.bits cimport lowest_bit, ones_of_eight
 from bfrt.tree.forest cimport Forest, prefetch_id, treelet_at, want
 from bfrt.tree.sight cimport Sight, prefetch_node, sight_of, sight_reach
-from bfrt.tree.top cimport Top, leaf_before
+from bfrt.tree.top cimport Top, extent_of, leaf_before
 from bfrt.tree.walk cimport (
     Piece, Search, Waiting, meet_leaves, next_waiting, prefetch_leaves, wait_among, wait_inner,
 )
@@ -39,7 +39,8 @@ cdef struct Descent:
     uint32_t what   # node or treelet
     unsigned int leaves
     Sight above
-    Sight below
+    Sight near      # of a treelet that is small
+    bint small
     float reach     # as seen below
     Waiting waiting_above
     Waiting waiting
@@ -104,13 +105,20 @@ cdef inline void go_on(Forest f, Descent* d) noexcept nogil:
         go_on_above(f, d)
 
 
+cdef inline const Sight* below(const Descent* d) noexcept nogil:
+    """Return the ray as the nodes of its treelet see it."""
+    return &d.near if d.small else &d.above
+
+
 cdef inline int enter(Forest f, Descent* d) except -1 nogil:
     """Come into a treelet."""
     want(f, d.what)
     f.resident_piece(d.what, &d.piece)
     prefetch_node(d.piece.nodes)
-    d.below = sight_of(&d.search.heading, d.piece.box)
-    d.reach = sight_reach(&d.below, d.search.t)
+    d.small = extent_of(d.piece.box) < f.top.small
+    if d.small:
+        d.near = sight_of(&d.search.heading, d.piece.box)
+    d.reach = sight_reach(below(d), d.search.t)
     d.waiting.n = 0
     d.what = 0
     d.stage = BELOW
@@ -133,12 +141,12 @@ cdef inline void look_below(Forest f, Descent* d) noexcept nogil:
     """Look at a node of a treelet."""
     cdef const Node* node = d.piece.nodes + d.what
     cdef float near[8]
-    cdef unsigned int met = d.search.spans(node, &d.below, d.reach, near)
+    cdef unsigned int met = d.search.spans(node, below(d), d.reach, near)
     d.search.node_tests += 1
     wait_inner(d.piece.nodes, d.what, met, near, &d.waiting)
     d.leaves = met & ~<unsigned int>node.inner
     if d.leaves:
-        prefetch_leaves(&d.piece, node, d.leaves)
+        prefetch_leaves(&d.piece, d.what, d.leaves)
         d.stage = LEAVES
     else:
         go_on(f, d)
@@ -149,8 +157,8 @@ cdef inline int step(Forest f, Descent* d) except -1 nogil:
     if d.stage == BELOW:
         look_below(f, d)
     elif d.stage == LEAVES:
-        meet_leaves(&d.piece, d.piece.nodes + d.what, d.leaves, &d.search)
-        d.reach = sight_reach(&d.below, d.search.t)
+        meet_leaves(&d.piece, d.what, d.leaves, &d.search)
+        d.reach = sight_reach(below(d), d.search.t)
         go_on(f, d)
     while d.stage == ABOVE:
         look_above(f, d)

@@ -1,6 +1,6 @@
 """The treelets of a store: the tree above them, which is always in memory, and where each is."""
 
-from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy
 
 from bfrt.geometry.box cimport Box
@@ -9,9 +9,13 @@ from bfrt.geometry.four cimport FourTest
 from bfrt.phases.pending cimport prefetch
 from bfrt.records cimport INDEX_BITS, NO_HIT, Treelet
 from bfrt.streams.atomic cimport atomic_fetch_add, published
+from bfrt.tree.sketch cimport DRAWN_BYTES, MOST_DRAWN, Begins, draw
 from bfrt.tree.top cimport Top
 from bfrt.tree.walk cimport Piece
 from bfrt.treelets.node cimport Node
+
+cdef enum:
+    UNDRAWN = -1
 
 # A stream as its treelets need it; where treelets are read one after another, there are files only.
 cdef struct TreeStream:
@@ -47,17 +51,18 @@ cdef class Forest:
     cdef int stream_count
     cdef uint8_t[::1] there     # of each treelet, whether it is in memory
     cdef uint8_t[::1] locks
-    cdef int64_t[::1] place     # of each treelet's among the nodes kept, from 1; 0 for none
-    cdef Node* kept_nodes
-    cdef int64_t kept_count     # for how many there is room
-    cdef int64_t used
+    cdef int32_t[::1] place     # of each treelet's sketch, from 1; 0 for none, UNDRAWN for never
+    cdef unsigned char* sketches
+    cdef int drawn              # nodes of a sketch at the most
+    cdef int32_t sketch_room    # for how many there is room
+    cdef int64_t sketched
     cdef Node* roots    # the first node of each treelet that has been read
     cdef int64_t treelets_read
     cdef list kept      # what the pointers point into
     cdef list files
 
     cdef object keep(self, array)
-    cdef int keep_room(self, int64_t nodes) except -1
+    cdef int keep_room(self, int64_t room) except -1
     cdef int open_stream(self, TreeStream* s, stream, store) except -1
     cdef int grow_top(self, table) except -1
     cdef void* opened(self, stream, name) except NULL
@@ -108,22 +113,41 @@ cdef inline void prefetch_id(Forest f, uint64_t id) noexcept nogil:
             return
 
 
-cdef inline const Node* kept_nodes(Forest f, uint32_t treelet) noexcept nogil:
-    """Return the nodes of a treelet that streams, if they are kept."""
-    return &f.kept_nodes[f.place[treelet] - 1] if f.place[treelet] else NULL
+cdef inline Node* sketch_at(Forest f, int64_t place) noexcept nogil:
+    """Return the nodes of a sketch, whose begins follow."""
+    return <Node*>(f.sketches + (place - 1) * f.drawn * DRAWN_BYTES)
 
 
-cdef inline void keep_nodes(Forest f, uint32_t treelet, const Node* nodes) noexcept nogil:
-    """Keep the nodes of a treelet that have been read, if there is room, and the first anyway.
+cdef inline const Begins* begins_at(Forest f, const Node* sketch) noexcept nogil:
+    """Return where the leaves of a sketch begin."""
+    return <const Begins*>(sketch + f.drawn)
+
+
+cdef inline const Node* sketch_of(Forest f, uint32_t treelet) noexcept nogil:
+    """Return the sketch of a treelet that streams, if there is one."""
+    return sketch_at(f, f.place[treelet]) if f.place[treelet] > 0 else NULL
+
+
+cdef inline void sketch(Forest f, uint32_t treelet, const Node* nodes) noexcept nogil:
+    """Draw a treelet whose nodes have been read, if there is room, and keep the first anyway.
 
     In a pass one thread has a treelet, others in the next.
     """
-    cdef uint32_t n = f.treelet[treelet].nodes
-    cdef int64_t at
+    cdef const Treelet* t = treelet_at(f, treelet)
+    cdef Node drawn[MOST_DRAWN]
+    cdef Begins begins[MOST_DRAWN]
+    cdef Node* kept
+    cdef int64_t place
     if f.roots != NULL:
-        memcpy(&f.roots[treelet], nodes, sizeof(Node))
-    if f.used + n <= f.kept_count:
-        at = atomic_fetch_add(&f.used, n)
-        if at + n <= f.kept_count:
-            memcpy(&f.kept_nodes[at], nodes, n * sizeof(Node))
-            f.place[treelet] = at + 1
+        f.roots[treelet] = nodes[0]
+    if f.place[treelet] == UNDRAWN or f.sketched >= f.sketch_room:
+        return
+    if not draw(nodes, t.nodes, t.count, f.drawn, drawn, begins):
+        f.place[treelet] = UNDRAWN
+        return
+    place = atomic_fetch_add(&f.sketched, 1) + 1
+    if place <= f.sketch_room:
+        kept = sketch_at(f, place)
+        memcpy(kept, drawn, f.drawn * sizeof(Node))
+        memcpy(kept + f.drawn, begins, f.drawn * sizeof(Begins))
+        f.place[treelet] = <int32_t>place

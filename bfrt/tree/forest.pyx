@@ -2,7 +2,7 @@
 
 cimport cython
 from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
-from libc.stdint cimport int64_t, uint8_t, uint32_t
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint32_t
 from libc.string cimport memset
 
 import numpy as np
@@ -15,6 +15,8 @@ from bfrt.streams.atomic cimport atomic_add, atomic_exchange, lock, publish, pub
 from bfrt.streams.reader cimport SharedFile
 from bfrt.tree.reading cimport check_ends, check_nodes, read_at
 from bfrt.tree.sight cimport spans_of
+from bfrt.tree.sketch cimport DRAWN_BYTES, FEWEST_DRAWN, MOST_DRAWN
+from bfrt.tree.top cimport extent_of
 from bfrt.tree.walk cimport Piece
 from bfrt.treelets.node cimport Node
 
@@ -24,9 +26,9 @@ from bfrt.treelets.build import TreeletBuilder
 
 #: Memory that the tree above takes for a treelet, at the most, while it is made: the treelet, its
 #: reference, its places in the order and among the leaves, a part of a node as it is made and as it
-#: stays, its stream, its state, its place among those kept; its number and two places among those
+#: stays, its stream, its state, its sketch's place; its number and two places among those
 #: that have rays.
-TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 8 + (8 + 8 + 4)
+TREELET_SHARE = TREELET_BYTES + 32 + 3 * 4 + 2 * NODE_BYTES // 4 + 2 + 2 + 4 + (8 + 8 + 4)
 
 #: The files that treelets consist of.
 PARTS = "nodes", "geometry", "boxes", "offsets", "ids"
@@ -74,8 +76,8 @@ cdef class Forest:
     resident : bool
         Whether treelets stay in memory.
     kept : int
-        Bytes for nodes of treelets that stream, which stay once they are read: the first of each
-        treelet, if half of the bytes hold them, and all of the treelets that come first.
+        Bytes for sketches of treelets that stream, which are drawn when their nodes are read, and
+        for the first node of each, if half of the bytes hold them.
     direct : bool
         Whether what streams is read past the system's cache.
     plain : bool
@@ -116,10 +118,10 @@ cdef class Forest:
         self.stream_of = np.concatenate(numbers)
         self.there = np.zeros(self.treelets if resident else 0, np.uint8)
         self.locks = np.zeros(self.treelets if resident else 0, np.uint8)
-        self.place = np.zeros(0 if resident else self.treelets, np.int64)
+        self.place = np.zeros(0 if resident else self.treelets, np.int32)
         self.grow_top(table)
         if not resident:
-            self.keep_room(kept // NODE_BYTES)
+            self.keep_room(kept)
 
     def __dealloc__(self):
         PyMem_RawFree(self.streams)
@@ -129,15 +131,19 @@ cdef class Forest:
         self.kept.append(array)
         return array
 
-    cdef int keep_room(self, int64_t nodes) except -1:
-        """Take memory for so many nodes that stay."""
-        if self.treelets and 2 * self.treelets <= nodes:
-            self.roots = <Node*>self.memory_of(self.treelets * NODE_BYTES)
-            memset(self.roots, 0, self.treelets * NODE_BYTES)
-            nodes -= self.treelets
+    cdef int keep_room(self, int64_t room) except -1:
+        """Take memory for first nodes and sketches, of fewer nodes where there is less of it."""
+        cdef int64_t first_nodes = self.treelets * NODE_BYTES, each
+        if self.treelets and 2 * first_nodes <= room:
+            self.roots = <Node*>self.memory_of(first_nodes)
+            memset(self.roots, 0, first_nodes)
+            room -= first_nodes
         self.top.roots = self.roots
-        self.kept_count = nodes
-        self.kept_nodes = <Node*>self.memory_of(max(1, nodes) * NODE_BYTES)
+        each = room // max(1, self.treelets * DRAWN_BYTES)
+        self.drawn = <int>max(<int64_t>FEWEST_DRAWN, min(each, <int64_t>MOST_DRAWN))
+        each = self.drawn * DRAWN_BYTES
+        self.sketch_room = <int32_t>min(room // each, self.treelets)
+        self.sketches = self.memory_of(max(<int64_t>1, self.sketch_room * each))
         return 0
 
     cdef int open_stream(self, TreeStream* s, stream, store) except -1:
@@ -187,6 +193,9 @@ cdef class Forest:
         top.boxes, top.stride = &raw[0], sizeof(Treelet)
         for k in range(self.treelets):
             box_add(&top.around, <const Box*>(self.treelet + k))
+        # A sight around all treelets is off by 2^-21 of their extent, and objects are some 2^-5 of
+        # their treelet's: down to 2^-10 of all a treelet is seen well enough from there.
+        top.small = extent_of(&top.around) / 1024
         boxes = table.view(np.float32).reshape(self.treelets, -1)[:, :6]
         nodes, _, order = TreeletBuilder(self.treelets, 1).build(boxes)
         raw = self.keep(nodes.copy().view(np.uint8))
@@ -210,8 +219,9 @@ cdef class Forest:
 
     @staticmethod
     def kept_bytes(store):
-        """Return the bytes of all nodes that may be kept where treelets stream."""
-        return sum((stream.nodes + stream.treelets) * NODE_BYTES for stream in store.streams)
+        """Return the bytes of all first nodes and sketches, kept where treelets stream."""
+        each = NODE_BYTES + MOST_DRAWN * DRAWN_BYTES
+        return each * sum(stream.treelets for stream in store.streams)
 
     def counts(self):
         """Return the bytes read, the seeks and the treelets read since the last call."""
@@ -284,7 +294,7 @@ cdef class Forest:
         p.kind, p.stride, p.frame = s.kind, s.stride, s.frame
         p.four, p.box, p.nodes = s.four, <const Box*>t, s.nodes + t.node
         p.first, p.objects = s.number << INDEX_BITS | t.first, <uint32_t>t.count
-        p.boxes, p.ends, p.begin, p.skipped = NULL, NULL, 0, 0
+        p.begins, p.boxes, p.ends, p.begin, p.skipped = NULL, NULL, NULL, 0, 0
         p.records = s.records
         if s.counted:
             p.boxes, p.ends = s.boxes + t.first, s.ends + t.first

@@ -5,6 +5,7 @@ from libc.stdint cimport int64_t, uint32_t
 from bfrt.streams.reader cimport SharedFile
 from bfrt.streams.runs cimport RunReader
 from bfrt.tree.forest cimport Forest
+from bfrt.tree.sketch cimport Begins
 from bfrt.tree.walk cimport Piece, Range
 from bfrt.treelets.node cimport Node
 
@@ -28,6 +29,7 @@ cdef class PieceReader:
     cdef const uint32_t* treelets   # of the batch
     cdef int count
     cdef const Node* node[TOGETHER]
+    cdef const Begins* begins[TOGETHER]
     cdef Parts parts[TOGETHER]
     cdef Piece piece
 

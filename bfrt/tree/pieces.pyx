@@ -2,7 +2,7 @@
 
 ::
 
-    treelets that have rays ──► nodes, in few runs ──► those whose leaves rays meet
+    treelets that have rays ──► nodes, in few runs, or a sketch ──► those whose leaves rays meet
                                                                    │
                           rays go down  ◄── objects, in few runs ◄─┘
 
@@ -19,7 +19,7 @@ from bfrt.streams.atomic cimport atomic_add
 from bfrt.streams.reader cimport SharedFile
 from bfrt.streams.runs cimport RunReader
 from bfrt.tree.forest cimport (
-    Forest, TreeStream, keep_nodes, kept_nodes, stream_at, treelet_at,
+    Forest, TreeStream, begins_at, sketch, sketch_of, stream_at, treelet_at,
 )
 from bfrt.tree.reading cimport check_ends, check_nodes
 from bfrt.tree.walk cimport Piece, Range
@@ -77,7 +77,7 @@ cdef class PieceReader:
         self.nodes.clear()
         self.treelets, self.count = treelets, 0
         for k in range(<int>min(n, <int64_t>TOGETHER)):
-            self.node[k] = kept_nodes(self.forest, treelets[k])
+            self.node[k], self.begins[k] = sketch_of(self.forest, treelets[k]), NULL
             t, s = treelet_at(self.forest, treelets[k]), stream_at(self.forest, treelets[k])
             if self.node[k] == NULL:
                 at[k] = self.nodes.add(
@@ -85,6 +85,8 @@ cdef class PieceReader:
                 )
                 if at[k] < 0:
                     break
+            else:
+                self.begins[k] = begins_at(self.forest, self.node[k])
             self.count = k + 1
         if self.count == 0 and n > 0:
             self.refuse(<SharedFile>s.node_file, self.nodes.capacity)
@@ -94,7 +96,7 @@ cdef class PieceReader:
                 t, s = treelet_at(self.forest, treelets[k]), stream_at(self.forest, treelets[k])
                 self.node[k] = <const Node*>(self.nodes.memory + at[k])
                 check_nodes(self.node[k], t.nodes, t.count, <SharedFile>s.node_file)
-                keep_nodes(self.forest, treelets[k], self.node[k])
+                sketch(self.forest, treelets[k], self.node[k])
                 atomic_add(&self.forest.treelets_read, 1)
         return self.count
 
@@ -105,7 +107,7 @@ cdef class PieceReader:
         cdef Piece* p = &self.piece
         p.kind, p.stride, p.frame, p.four = s.kind, s.stride, s.frame, s.four
         p.first, p.objects = s.number << INDEX_BITS | t.first, <uint32_t>t.count
-        p.box, p.nodes = <const Box*>t, self.node[k]
+        p.box, p.nodes, p.begins = <const Box*>t, self.node[k], self.begins[k]
         p.records, p.boxes, p.ends, p.begin, p.skipped = NULL, NULL, NULL, 0, 0
         return p
 

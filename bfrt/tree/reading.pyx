@@ -40,25 +40,29 @@ cdef int check_nodes(const Node* nodes, uint32_t n, uint32_t objects,
                      SharedFile file) except -1 nogil:
     """Refuse nodes that are not as the builder lays them out, whatever is on the disk.
 
-    They are breadth first: each node's children, and its objects, follow those of the nodes before.
+    They are breadth first: each node's children follow those of the nodes before.
     """
     cdef const Node* node
-    cdef uint32_t k, child = 1, first = 0, level = 1
+    cdef uint32_t k, child = 1, level = 1
+    cdef uint64_t all_leaves = 0, own
     cdef int c, depth = 1
     cdef bint good = True
     for k in range(n):
         node = nodes + k
         if k == level:  # the nodes of a level have been looked at
             depth, level = depth + 1, child
-        good = good and node.child == child and node.first == first and depth <= DEEPEST_NODE
+        good = good and node.child == child and depth <= DEEPEST_NODE
+        own = 0
         for c in range(WIDE):
             good = good and (node.count[c] == INNER) == (node.inner >> c & 1)
             if node.count[c] == INNER:
                 child += 1
             else:
-                first += node.count[c]
+                own += node.count[c]
                 good = good and node.count[c] <= LARGEST_LEAF
-    if not (good and child == n and first <= objects):
+        good = good and node.first + own <= objects
+        all_leaves += own
+    if not (good and child == n and all_leaves <= objects):
         with gil:
             raise StoreError(
                 f"{file.path}: found nodes that are no tree of their treelet, expected one"

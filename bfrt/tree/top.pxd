@@ -21,6 +21,7 @@ cdef enum:
 cdef struct Top:
     const Node* nodes
     Box around      # all treelets
+    float small     # the extent of a treelet that needs a sight of its own
     const uint32_t* leaves
     const unsigned char* boxes      # of the treelets, by number, so many bytes apart
     size_t stride
@@ -33,6 +34,11 @@ cdef struct Top:
 cdef struct Entry:
     double t
     uint32_t treelet
+
+
+cdef inline float extent_of(const Box* b) noexcept nogil:
+    """Return the largest side of a box."""
+    return max(b.hi[0] - b.lo[0], max(b.hi[1] - b.lo[1], b.hi[2] - b.lo[2]))
 
 
 cdef inline uint32_t leaf_before(const Node* node, int c) noexcept nogil:

@@ -22,6 +22,7 @@ from bfrt.scan.given_order cimport GivenOrder, comes_first
 from bfrt.tree.sight cimport (
     Heading, Sight, Spans, heading_of, prefetch_node, sight_of, sight_reach,
 )
+from bfrt.tree.sketch cimport Begins
 from bfrt.treelets.node cimport Node, leaf_counts, objects_before
 
 cdef enum:
@@ -38,6 +39,7 @@ cdef struct Piece:
     FourTest four
     const Box* box
     const Node* nodes
+    const Begins* begins    # where the leaves of these begin, or NULL where the nodes tell
     const unsigned char* records
     const Box* boxes        # of the objects, NULL where each has one record, of which it is made
     const uint32_t* ends    # NULL where each object has one record
@@ -187,28 +189,31 @@ cdef struct Range:
     uint32_t end
 
 
-cdef inline Range take_leaf(const Node* node, unsigned int* met) noexcept nogil:
+cdef inline Range take_leaf(const Piece* p, uint32_t of, unsigned int* met) noexcept nogil:
     """Take the first of a node's leaves that are met: return its objects."""
-    cdef uint64_t counts = leaf_counts(node)
-    cdef int at = 8 * lowest_bit(met[0])
+    cdef const Node* node = p.nodes + of
+    cdef int c = lowest_bit(met[0])
     cdef Range leaf
     met[0] &= met[0] - 1
-    leaf.begin = node.first + (objects_before(counts) >> at & 0xFF)
-    leaf.end = leaf.begin + (counts >> at & 0xFF)
+    if p.begins == NULL:
+        leaf.begin = node.first + (objects_before(leaf_counts(node)) >> 8 * c & 0xFF)
+    else:
+        leaf.begin = p.begins[of].of[c]
+    leaf.end = leaf.begin + node.count[c]
     return leaf
 
 
-cdef inline int meet_leaves(const Piece* p, const Node* node, unsigned int met,
+cdef inline int meet_leaves(const Piece* p, uint32_t of, unsigned int met,
                             Search* s) except -1 nogil:
     """Test the objects of those children that are leaves and that the ray meets."""
     cdef Range leaf
     while met:
-        leaf = take_leaf(node, &met)
+        leaf = take_leaf(p, of, &met)
         meet_leaf(p, leaf.begin, leaf.end, s)
     return 0
 
 
-cdef inline void prefetch_leaves(const Piece* p, const Node* node, unsigned int met) noexcept nogil:
+cdef inline void prefetch_leaves(const Piece* p, uint32_t of, unsigned int met) noexcept nogil:
     """Have the records of leaves come from memory."""
     cdef const unsigned char* r
     cdef const unsigned char* end
@@ -216,7 +221,7 @@ cdef inline void prefetch_leaves(const Piece* p, const Node* node, unsigned int 
     if p.ends != NULL:
         return
     while met:
-        leaf = take_leaf(node, &met)
+        leaf = take_leaf(p, of, &met)
         r = p.records + leaf.begin * p.stride
         end = p.records + leaf.end * p.stride
         while r < end:
@@ -255,7 +260,7 @@ cdef inline int walk_treelet(const Piece* p, Search* s) except -1 nogil:
         met = s.spans(p.nodes + what, &sight, reach, near)
         leaves = met & ~<unsigned int>p.nodes[what].inner
         if leaves:
-            meet_leaves(p, p.nodes + what, leaves, s)  # first, for what they hit may spare nodes
+            meet_leaves(p, what, leaves, s)  # first, for what they hit may spare nodes
             if s.t != t:
                 t = s.t
                 reach = sight_reach(&sight, t)
@@ -272,11 +277,12 @@ cdef inline void widen(Range* wide, uint32_t begin, uint32_t end) noexcept nogil
         wide.begin, wide.end = min(wide.begin, begin), max(wide.end, end)
 
 
-cdef inline void widen_by_leaves(Range* wide, const Node* node, unsigned int met) noexcept nogil:
+cdef inline void widen_by_leaves(Range* wide, const Piece* p, uint32_t of,
+                                 unsigned int met) noexcept nogil:
     """Have a range hold the objects of leaves that are met."""
     cdef Range leaf
     while met:
-        leaf = take_leaf(node, &met)
+        leaf = take_leaf(p, of, &met)
         widen(wide, leaf.begin, leaf.end)
 
 
@@ -292,7 +298,7 @@ cdef inline void look_for_leaves(const Piece* p, Search* s, Range* wide) noexcep
     while True:
         s.node_tests += 1
         met = s.spans(p.nodes + what, &sight, reach, near)
-        widen_by_leaves(wide, p.nodes + what, met & ~<unsigned int>p.nodes[what].inner)
+        widen_by_leaves(wide, p, what, met & ~<unsigned int>p.nodes[what].inner)
         wait_inner(p.nodes, what, met, near, &w)
         if not next_waiting(&w, reach, &what):
             return

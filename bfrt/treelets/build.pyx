@@ -4,7 +4,7 @@
 
     boxes ─► references ─► split to TREELET_OBJECTS or fewer ─► a treelet each
                                                                    │ split to leaves
-                                                        nodes, breadth first; objects, leaf by leaf
+                                                        nodes, breadth first; objects, depth first
 """
 
 cimport cython
@@ -15,7 +15,7 @@ import numpy as np
 
 from bfrt.geometry.box cimport Box, box_empty
 from bfrt.records cimport Treelet
-from bfrt.treelets.node cimport INNER, LARGEST_LEAF, WIDE, Node, node_boxes
+from bfrt.treelets.node cimport INNER, LARGEST_LEAF, WIDE, Node, leaf_objects, node_boxes
 from bfrt.treelets.split cimport (
     RangeBox, Reference, half_surface, range_bounds, range_box, refer, referred, split_range,
 )
@@ -34,6 +34,7 @@ cdef struct Range:
     int64_t first
     int64_t end
     int depth
+    int64_t place       # where its objects come to in the order
     RangeBox around
 
 
@@ -150,7 +151,7 @@ cdef class TreeletBuilder:
             depth += 2
 
     cdef void treelet_of(self, const Range* whole) noexcept nogil:
-        """Build one treelet: its nodes, breadth first."""
+        """Build one treelet: its nodes, breadth first, and its objects, depth first."""
         cdef Treelet* t = &self.treelet[self.treelet_count]
         cdef Node* nodes = self.node + self.node_count
         cdef Range* queue = self.ranges + STACK
@@ -160,22 +161,50 @@ cdef class TreeletBuilder:
         queue[0] = whole[0]
         queue[0].depth = 0
         while k < count:
-            count += self.expand(&queue[k], nodes + k, <uint32_t>count, &queue[count], t.first)
+            count += self.expand(&queue[k], nodes + k, <uint32_t>count, &queue[count])
             k += 1
-        t.count = <uint32_t>(self.place - <int64_t>t.first)
+        self.place_objects(nodes, queue, count)
+        t.count = <uint32_t>(whole.end - whole.first)
+        self.place += t.count
         t.nodes = <uint32_t>count
         self.node_count += count
         self.treelet_count += 1
 
-    cdef int expand(self, const Range* whole, Node* node, uint32_t child, Range* queue,
-                    uint64_t base) noexcept nogil:
+    cdef void place_objects(self, Node* nodes, Range* ranges, int64_t n) noexcept nogil:
+        """Bring the objects of n nodes, of these ranges, to their places: those of a node's leaves
+        first, then those below each child, so that whatever is below a node lies together.
+        """
+        cdef Node* node
+        cdef int64_t k, i, place, below, taken
+        cdef uint32_t child
+        cdef int c
+        ranges[0].place = self.place
+        for k in range(n):
+            node, place, child = nodes + k, ranges[k].place, nodes[k].child
+            node.first = <uint32_t>(place - self.place)
+            below = place + leaf_objects(node)
+            taken = ranges[k].first
+            for c in range(WIDE):
+                if node.count[c] == INNER:
+                    ranges[child].place = below
+                    below += ranges[child].end - ranges[child].first
+                    taken = ranges[child].end
+                    child += 1
+                    continue
+                for i in range(taken, taken + node.count[c]):
+                    self.placed[place] = referred(&self.refs[i])
+                    place += 1
+                taken += node.count[c]
+
+    cdef int expand(self, const Range* whole, Node* node, uint32_t child,
+                    Range* queue) noexcept nogil:
         """Make a node; queue the children that are nodes, and return how many."""
         cdef Range part[8]
         cdef Box boxes[8]
         cdef Range right
         cdef float area, largest
         cdef int i, n = 1, widest, inner = 0
-        cdef int64_t middle, k
+        cdef int64_t middle
         part[0] = whole[0]
         while n < WIDE:
             widest, largest = -1, -1.0
@@ -196,7 +225,6 @@ cdef class TreeletBuilder:
             part[widest + 1] = right
             n += 1
         node.child, node.inner = child, 0
-        node.first = <uint32_t>(<uint64_t>self.place - base)
         for i in range(WIDE):
             node.count[i] = 0
         for i in range(n):
@@ -209,8 +237,5 @@ cdef class TreeletBuilder:
                 inner += 1
                 continue
             node.count[i] = <uint8_t>(part[i].end - part[i].first)
-            for k in range(part[i].first, part[i].end):
-                self.placed[self.place] = referred(&self.refs[k])
-                self.place += 1
         node_boxes(node, boxes, n)
         return inner

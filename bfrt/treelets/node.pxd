@@ -50,6 +50,13 @@ cdef extern from *:
     /* Of each child the objects in leaves before it, in a byte. */
     #define bfrt_before(counts) ((counts) * 0x0101010101010100u)
 
+    /* The objects of all children that are leaves. */
+    static inline uint32_t bfrt_leaf_objects(const bfrt_node *node)
+    {
+        uint64_t counts = bfrt_leaf_counts(node);
+        return (uint32_t)((bfrt_before(counts) >> 56) + (counts >> 56));
+    }
+
     /* 2^exponent, of exponents from -126 to 127. */
     static inline double bfrt_quantum(int exponent)
     {
@@ -109,6 +116,7 @@ cdef extern from *:
 
     uint64_t objects_before "bfrt_before"(uint64_t counts) noexcept nogil
     uint64_t leaf_counts "bfrt_leaf_counts"(const Node* node) noexcept nogil
+    uint32_t leaf_objects "bfrt_leaf_objects"(const Node* node) noexcept nogil
     double quantum_of "bfrt_quantum"(int exponent) noexcept nogil
     void node_axis "bfrt_node_axis"(
         Node* node, int k, const float* lo, const float* hi, int n

@@ -65,6 +65,7 @@ def below(nodes, number, boxes, leaf):
         assert (sides[i, :3] <= some[:, :3]).all()
         assert (sides[i, 3:] >= some[:, 3:] - 2.0**-50 * abs(some).max(initial=0)).all()
         found += own
+    assert sorted(found) == list(range(int(node["first"]), int(node["first"]) + len(found)))
     return found
 
 
