@@ -5,6 +5,7 @@
 libasan, as docs/building.rst shows).
 """
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -23,10 +24,15 @@ FLAGS = {
     "sanitize": ["-O1", "-g", "-fsanitize=address,undefined", "-fno-omit-frame-pointer"],
 }[BUILD]
 LINK = ["-fsanitize=address,undefined"] if BUILD == "sanitize" else []
-# What Cython adds to each module that has typed memoryviews is compiled once, for all of them. It
-# has no loop of ours, so that it is compiled in half the time.
+# What Cython adds to each module that has typed memoryviews is compiled once, for all of them.
 SHARED = Path("bfrt/_cython.c")
-COLD = ["-O1"] if BUILD == "release" else []
+# No conversion and no rendering waits for these, so that they are compiled in half the time.
+COLD = {
+    SHARED: "no loop of ours",
+    Path("bfrt/reference"): "the slow twins, which tests compare with",
+    Path("bfrt/spd"): "standard scenes, which are made as fast",
+}
+LESS = ["-O1"] if BUILD == "release" else []
 CHECKED = BUILD == "debug"
 DIRECTIVES = {
     "language_level": 3,
@@ -35,6 +41,7 @@ DIRECTIVES = {
     "initializedcheck": CHECKED,
     "cdivision": True,
     "freethreading_compatible": True,
+    "auto_pickle": False,  # nothing compiled is sent anywhere
 }
 
 
@@ -47,11 +54,15 @@ Errors.performance_hint = refuse_performance_hint  # before the compiler's other
 from Cython.Build import cythonize  # noqa: E402
 
 
+def is_cold(source):
+    return not COLD.keys().isdisjoint([source, *source.parents])
+
+
 def extension(source):
     return Extension(
         ".".join(source.with_suffix("").parts),
         [str(source)],
-        extra_compile_args=FLAGS + EXACT + (COLD if source == SHARED else []),
+        extra_compile_args=FLAGS + EXACT + (LESS if is_cold(source) else []),
         extra_link_args=LINK,
         define_macros=[("CYTHON_USE_PEP489_MULTI_PHASE_INIT", "1")],
     )
@@ -66,6 +77,7 @@ def modules():
     """Return the modules, translated to C; none where pip asks for nothing but metadata, twice."""
     if {"egg_info", "dist_info"} & set(sys.argv[1:]):
         return []
+    gc.disable()  # what Cython makes stays until it ends: to look through it takes half its time
     return cythonize(
         [extension(SHARED), *map(extension, sorted(Path("bfrt").rglob("*.pyx")))],
         shared_utility_qualified_name=".".join(SHARED.with_suffix("").parts),

@@ -6,8 +6,9 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 import bfrt
 from bfrt import budget
@@ -176,7 +177,7 @@ def test_the_least_that_is_named_works_and_less_does_not(stores, view, which, ao
         divided(store, width, height, samples, least - MIB, threads, aovs=aovs)
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 36), aovs=AOVS)
 def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more, aovs):
     store = stores[which]

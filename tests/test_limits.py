@@ -35,7 +35,7 @@ except bfrt.BfrtError as error:
 
 COMMANDS = {
     "render": ["-m", "bfrt", "render", "STORE", "-o", "a.exr", "--threads", "2", "--quiet",
-               "--memory", "200MiB"],
+               "--memory", "200MiB", "--resolution", "128x128"],
     "convert": ["-m", "bfrt", "convert", "NFF", "-o", "b.bfrt", "--quiet", "--memory", "200MiB"],
     "query": ["-c", QUERY, "STORE"],
 }  # fmt: skip

@@ -8,8 +8,9 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.colors import NO_VALUE, Painter
@@ -131,7 +132,7 @@ def test_srgb_as_light():
 # --- numbers -------------------------------------------------------------------------------------
 
 
-@settings(max_examples=80)
+@examples(80)
 @example(values=[-1.0], ends=(0.0, 2.2250738585e-313), dtype=np.float32)
 @given(
     values=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40),
@@ -220,7 +221,7 @@ def at(values, *percents, parts=3, log=False):
 FLOATS = {np.float64: st.floats(allow_nan=True), np.float32: st.floats(width=32)}
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(
     data=st.data(),
     dtype=st.sampled_from([np.float64, np.float32, np.int64, np.uint8]),
@@ -288,7 +289,7 @@ def test_the_memory_of_a_rank_does_not_grow():
     assert peak < 4 << 20
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(
     ends=st.tuples(st.floats(1e-300, 1e300), st.floats(1e-300, 1e300)),
     values=st.lists(st.floats(1e-305, 1e305), min_size=2, max_size=30),
@@ -335,7 +336,7 @@ def test_the_widest_ratio_there_is():
 # --- colors --------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     colors=st.lists(
         st.tuples(*[st.one_of(st.floats(0, 1), st.sampled_from([0.0, 1.0, 2.0, -1.0]))] * 3),

@@ -8,9 +8,10 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import convert, failure, objects_of, open_files
+from properties import examples
 
 from bfrt.errors import BfrtError, SceneError
 from bfrt.formats import nff as nff_module
@@ -150,7 +151,7 @@ def texts(draw):
     return name, "\n".join(lines)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     made=texts(),
     mark=st.sampled_from([b"", *MARKS]),
@@ -302,7 +303,7 @@ def test_files_of_another_kind(tmp_path, suffix, other):
     assert "expected " in said
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     data=st.binary(max_size=300),
     begin=st.sampled_from([b"", b"v ", b"f ", b"# ", b"solid ", b"ply\n", *MARKS]),

@@ -9,8 +9,9 @@ from pathlib import Path
 import fast
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from scenes import hard_scenes, joined, random_objects, random_rays, units
 
 from bfrt.conversion.convert import convert
@@ -280,14 +281,14 @@ def check_on_lattice(folder, objects, rays, capacities):
     check(fast.gridded(store), *rays, folder, capacities)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(objects=lattice_objects(), rays=lattice_rays(), capacities=tight)
 def test_on_a_lattice(tmp_path_factory, objects, rays, capacities):
     check_on_lattice(tmp_path_factory.getbasetemp(), objects, rays, capacities)
 
 
 @pytest.mark.slow
-@settings(max_examples=2000, deadline=None)
+@examples(2000)
 @given(objects=lattice_objects(), rays=lattice_rays(), capacities=tight)
 def test_on_a_lattice_at_length(tmp_path_factory, objects, rays, capacities):
     check_on_lattice(tmp_path_factory.getbasetemp(), objects, rays, capacities)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 import bfrt
 from bfrt.errors import SceneError
@@ -55,7 +56,7 @@ def fill(writer, rng, size, place, flat, dtype):
 @example(size=-45, place=-30.0, flat=(2,), seed=0, dtype=np.float64, own_origin=False)
 @example(size=0, place=14.4, flat=(2,), seed=0, dtype=np.float64, own_origin=False)
 @example(size=18, place=30.0, flat=(0, 1), seed=0, dtype=np.float32, own_origin=True)
-@settings(max_examples=60)
+@examples(60)
 def test_any_scene_is_refused_or_traced(
     tmp_path_factory, size, place, flat, seed, dtype, own_origin
 ):

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 import bfrt
 from bfrt.errors import DiskFullError, SettingError
@@ -255,7 +256,7 @@ def test_no_objects_take_nothing(tmp_path):
     assert ordering_of(open_store(tmp_path / "a.bfrt")) is None
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     seed=st.integers(0, 2**32),
     n=st.integers(1, 6000),

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from injected import dividing
+from properties import examples
 from treelets import small_treelets
 
 import bfrt
@@ -80,7 +81,7 @@ def test_the_least_that_is_named_works_and_less_does_not(stores, view, which):
         divided(stores[which], view, least - MIB)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(view=VIEW, which=st.integers(0, 2), more=st.integers(0, 1 << 30) | st.integers(0, 1 << 36))
 def test_the_parts_add_up_to_no_more_than_the_budget(stores, view, which, more):
     store = stores[which]

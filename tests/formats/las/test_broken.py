@@ -10,10 +10,11 @@ import time
 
 import pytest
 from failing import alone, refuse_reads
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from las_files import COUNT, LENGTH_AT, POINTS_AT, RECORDS_AT, SCALES_AT, SUFFIXES, places, write
 from meshes import convert, failure, outcome, shapes_of, spheres
+from properties import examples
 
 from bfrt.errors import BfrtError, SceneError, SettingError, ShortReadError, StreamError
 from bfrt.formats.laz import asking
@@ -48,7 +49,7 @@ def test_a_scan_that_is_cut_between_points(tmp_path):
     st.sampled_from([1, 3, 7]),
     st.booleans(),
 )
-@settings(max_examples=70)
+@examples(70)
 def test_flipped_bytes(tmp_path_factory, flips, suffix, form, in_header):
     path = tmp_path_factory.mktemp("las") / f"a{suffix}"
     write(path, form)

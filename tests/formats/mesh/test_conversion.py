@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mesh_files import random_mesh
 from meshes import FACES, VERTICES, convert, expected, failure, objects_of, shapes_of, small_room
+from properties import examples
 
 import bfrt
 from bfrt.cli import main
@@ -33,7 +34,7 @@ def ply_of(vertices, faces, more=()):
     return "\n".join(head).encode() + vertices.tobytes() + b"".join(body)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(
     seed=st.integers(0, 1 << 30),
     n=st.integers(1, 250),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mesh_files import Arrays, random_mesh, together
 from meshes import FACES, VERTICES, open_files
+from properties import examples
 
 from bfrt.errors import BudgetError, SceneError
 from bfrt.formats import mesh as mesh_module
@@ -25,7 +26,7 @@ from bfrt.formats.mesh import (
 ROOM = 1 << 30
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(
     seed=st.integers(0, 1 << 30),
     n=st.integers(1, 40),
@@ -74,7 +75,7 @@ def test_a_join_that_is_left_gives_its_files_back(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     indices=st.lists(st.one_of(st.integers(0, 20), st.integers(0, 1 << 40)), max_size=30),
     most=st.integers(1, 1 << 38),
@@ -165,7 +166,7 @@ def test_no_more_windows_than_may_have_files(tmp_path, monkeypatch):
     assert str(caught.value) == f"mesh: {said}"
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     sizes=st.lists(st.integers(0, 9), max_size=20),
     most=st.integers(1, 30),

@@ -6,10 +6,11 @@ import logging
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import FACES, VERTICES, convert, failure, objects_of, outcome, shapes_of, small_room
 from ply_files import XYZ, ply
+from properties import examples
 
 import bfrt
 from bfrt.errors import SceneError, SettingError
@@ -158,7 +159,7 @@ def test_a_normal_of_zeros_is_none(tmp_path):
     assert kinds(store)[Kind.POLYGON] == 2 and kinds(store)[Kind.PATCH] == 2
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     seed=st.integers(0, 1 << 20),
     n=st.integers(3, 30),

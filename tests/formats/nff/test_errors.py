@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from nff_files import ROOT, SCENE, VIEW, failure, outcome
+from properties import examples
 
 from bfrt.formats._nff import Entity, Event, Fault, Parser
 from bfrt.formats.text import MOST_CORNERS
@@ -142,7 +143,7 @@ def test_random_words(words, chunk_bytes):
     assert outcome(data, chunk_bytes, 2) == outcome(data)
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(
     st.lists(
         st.tuples(st.integers(0, len(SCENE)), st.integers(0, 8), st.binary(max_size=8)),

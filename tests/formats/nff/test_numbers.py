@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from nff_files import failure, number
+from properties import examples
 
 
 def assert_like_float(text):
@@ -25,7 +26,7 @@ def test_doubles_survive(x, form):
     assert_like_float(repr(x) if form == "r" else format(x, form))
 
 
-@settings(max_examples=500)
+@examples(500)
 @given(
     st.from_regex(
         r"[+-]?([0-9]{1,24}\.?[0-9]{0,20}|\.[0-9]{1,24})([eE][+-]?[0-9]{1,3})?", fullmatch=True

@@ -23,6 +23,7 @@ from array_files import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import convert, failure, outcome, shapes_of, spheres
+from properties import examples
 
 from bfrt.errors import SceneError, SettingError, ShortReadError
 from bfrt.formats import arrays as arrays_module
@@ -365,7 +366,7 @@ def test_counts_that_lie_take_no_memory(npy, shape):
     st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=1, max_size=4),
     st.booleans(),
 )
-@settings(max_examples=40)
+@examples(40)
 @pytest.mark.filterwarnings("ignore:Reading")
 def test_flipped_bytes(tmp_path_factory, flips, of_records):
     path = tmp_path_factory.mktemp("npy") / "a.npy"

@@ -10,9 +10,10 @@ import zipfile
 import numpy as np
 import pytest
 from array_files import CENTERS, FACES, MASS, RADII, RNG, SAVES, TRIANGLES, colors
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import convert, expected, failure, objects_of, outcome, shapes_of, spheres
+from properties import examples
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats import arrays as arrays_module
@@ -253,7 +254,7 @@ def test_a_flipped_bit_of_the_data_is_noticed_or_changes_nothing(npz, save):
     st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=1, max_size=4),
     st.sampled_from(SAVES),
 )
-@settings(max_examples=40)
+@examples(40)
 @pytest.mark.filterwarnings("ignore:Reading", "ignore:Duplicate")
 def test_flipped_bytes_of_zips(tmp_path_factory, flips, save):
     path = tmp_path_factory.mktemp("npz") / "a.npz"

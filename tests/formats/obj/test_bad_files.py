@@ -9,10 +9,11 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import FACES, VERTICES, convert, expected, failure, outcome, shapes_of, small_room
 from obj_files import BAD, DRESSED, LIBRARY, cut, dressed, obj
+from properties import examples
 
 from bfrt.errors import SettingError, StreamError
 from bfrt.formats.source import Source
@@ -119,7 +120,7 @@ def test_faces_of_too_few_corners(file, few, size, monkeypatch, caplog):
         assert "10 invalid objects" in caplog.messages[-1]
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     flips=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1,
                    max_size=4),

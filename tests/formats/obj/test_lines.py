@@ -6,10 +6,11 @@ import shutil
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import FACES, VERTICES, convert, expected, failure, objects_of, shapes_of, small_room
 from obj_files import DRESSED, cut, obj
+from properties import examples
 
 from bfrt.errors import SettingError
 
@@ -170,7 +171,7 @@ def test_unknown_statements_are_counted(file, caplog, monkeypatch):
         caplog.clear()
 
 
-@settings(max_examples=80)
+@examples(80)
 @given(
     seed=st.integers(0, 1 << 30),
     size=st.sampled_from([150, 163, 512, 1 << 20]),

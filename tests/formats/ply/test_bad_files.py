@@ -9,10 +9,11 @@ import tracemalloc
 import numpy as np
 import pytest
 from failing import alone, refuse_reads, refuse_writes
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import FACES, VERTICES, convert, expected, failure, outcome, shapes_of, small_room
 from ply_files import CODES, CORNERS, LAYOUTS, XYZ, chunk_bytes, mesh, ply, points, rich
+from properties import examples
 
 from bfrt.errors import StreamError
 from bfrt.formats.ply import file as file_module
@@ -214,7 +215,7 @@ def test_a_token_longer_than_a_chunk(file, tiny):
     assert "expected shorter ones" in failure(file)
 
 
-@settings(max_examples=80)
+@examples(80)
 @given(
     layout=st.sampled_from(list(LAYOUTS)),
     flips=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1,
@@ -234,7 +235,7 @@ def test_flipped_bytes(tmp_path_factory, layout, flips, size, asked):
         outcome(file, **asked)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(body=st.binary(max_size=200), layout=st.sampled_from(list(LAYOUTS)))
 def test_random_bodies(tmp_path_factory, body, layout):
     head, mark, _ = rich(layout).partition(b"end_header\n")

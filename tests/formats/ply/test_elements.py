@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import FACES, VERTICES, convert, expected, failure, shapes_of
 from ply_files import (
@@ -23,6 +23,7 @@ from ply_files import (
     ply,
     points,
 )
+from properties import examples
 
 from bfrt.errors import SettingError
 from bfrt.formats.ply._rows import Rows
@@ -128,7 +129,7 @@ def files(draw):
     return ply(layout, *elements), vertices, faces, wide
 
 
-@settings(max_examples=80)
+@examples(80)
 @given(made=files(), size=st.sampled_from([40, 47, 64, 1 << 20]))
 def test_round_trip(tmp_path_factory, made, size):
     data, vertices, faces, wide = made

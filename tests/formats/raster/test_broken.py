@@ -12,9 +12,10 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import convert, failure, outcome, shapes_of
+from properties import examples
 from raster_files import HEIGHTS, UTM, in_this_process, rasterio, triangles, write
 
 from bfrt.errors import BfrtError, BudgetError, SceneError, SettingError, StreamError
@@ -57,7 +58,7 @@ def test_a_file_cut_at_every_byte(file, last, step):
     st.sampled_from([{}, {"compress": "deflate"}, {"tiled": True, "blockxsize": 16,
                                                    "blockysize": 16, "compress": "lzw"}]),
 )  # fmt: skip
-@settings(max_examples=60)
+@examples(60)
 def test_flipped_bytes(tmp_path_factory, flips, layout):
     path = write(tmp_path_factory.mktemp("a") / "a.tif", **layout)
     data = bytearray(path.read_bytes())

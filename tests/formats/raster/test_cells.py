@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import convert, failure, objects_of, shapes_of
+from properties import examples
 from raster_files import CRS, HEIGHTS, UTM, in_this_process, rasterio, triangles, write
 
 import bfrt
@@ -51,7 +52,7 @@ def test_a_raster_by_its_process(file):
     st.sampled_from(["float32", "float64", "int16", "uint8", "int32"]),
     st.sampled_from([1, 3, 1 << 15]),
 )
-@settings(max_examples=60)
+@examples(60)
 def test_cells_with_corners(tmp_path_factory, transform, rows, columns, seed, dtype, at_once):
     rng = np.random.default_rng(seed)
     heights = rng.integers(0, 250, (rows, columns)).astype(dtype)

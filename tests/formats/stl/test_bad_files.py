@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from failing import alone, refuse_reads
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import convert, failure, open_files, outcome, shapes_of
+from properties import examples
 from stl_files import TRIANGLES, binary, expected, text
 
 from bfrt.errors import SettingError
@@ -154,7 +155,7 @@ def test_normals_and_attributes_are_passed_over(file):
     assert shapes_of(convert(file)) == expected(TRIANGLES)
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     form=st.sampled_from(["bytes", "solid bytes", "text"]),
     flips=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1,
@@ -171,7 +172,7 @@ def test_flipped_bytes(tmp_path_factory, form, flips, skip):
     outcome(file, skip_invalid=skip)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(
     words=st.lists(
         st.sampled_from([b"solid", b"facet", b"normal", b"outer", b"loop", b"vertex", b"endloop",

@@ -7,9 +7,10 @@ import os
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import convert, failure, shapes_of
+from properties import examples
 from stl_files import TRIANGLES, binary, expected, text
 
 from bfrt.errors import ShortReadError
@@ -148,7 +149,7 @@ def test_blanks_and_the_last_line(file):
         assert shapes_of(convert(file)) == expected(TRIANGLES)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(
     seed=st.integers(0, 1 << 30),
     n=st.integers(0, 20),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from meshes import convert, failure, shapes_of
 from outlines import (
@@ -24,6 +24,7 @@ from outlines import (
     write,
     write_one,
 )
+from properties import examples
 
 from bfrt.formats import triangulation as triangulation_module
 
@@ -58,7 +59,7 @@ def test_a_hole_stays_open():
     assert not ((x > 1) & (x < 3) & (y > 1) & (y < 3)).any()
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(
     seed=st.integers(0, 1 << 30),
     count=st.integers(4, 40),
@@ -74,7 +75,7 @@ def test_star_shaped_faces(seed, count, dtype):
     assert not made._crossing
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(seed=st.integers(0, 1 << 30), side=st.integers(2, 6), count=st.integers(4, 30))
 def test_corners_on_lines(seed, side, count):
     """Outlines on a grid, round their middle: many corners are on lines with others."""
@@ -111,7 +112,7 @@ def test_a_line_is_cut_up_by_the_tip_behind_it():
     check_filled(raised(square), raised(square)[made])
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(
     picked=st.lists(st.integers(0, 8), min_size=4, max_size=30),
     bump=st.sampled_from([0.0, 1.0]),
