@@ -18,7 +18,7 @@ from cluster_fixtures import (
 from shading import LIT
 
 import bfrt
-from bfrt.cluster import bands
+from bfrt.cluster import shared_frame
 from bfrt.cluster.division import Division, divided
 from bfrt.image.frame import FrameSize
 from bfrt.memory import BASELINE
@@ -113,7 +113,7 @@ def test_a_frame_that_the_client_does_not_hold(shared_client, one, monkeypatch):
     settings = {**settings, "camera": camera, "depth": 2, "aovs": ("position",)}
     for samples in (None, 1):
         expected = scene.render(**settings, samples=samples)
-        monkeypatch.setattr(bands, "default_memory", lambda: BASELINE + (16 << 20))
+        monkeypatch.setattr(shared_frame, "default_memory", lambda: BASELINE + (16 << 20))
         found = scene.render(**settings, samples=samples, client=shared_client)
         monkeypatch.undo()
         assert isinstance(found.channels["R"], np.memmap)
@@ -190,7 +190,7 @@ def test_counters_are_the_sum_of_all_workers(shared_client, one):
     assert "peak memory" in stats.table()
 
 
-def test_progress_is_the_sum_of_all_bands(shared_client, one):
+def test_progress_is_the_sum_of_all_parts(shared_client, one):
     scene, settings = one
     told = []
     image = scene.render(**settings, client=shared_client, progress=told.append)
