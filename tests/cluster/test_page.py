@@ -65,8 +65,8 @@ def test_lines_that_are_typed(folder, shared_client, capsys):
     typed = {"bfrt": bfrt, "client": shared_client, "scene": bfrt.open("scene.bfrt")}
     exec(block_of("da.from_zarr"), typed)
     hits, dark = typed["hits"], typed["dark"]
-    assert hits["t_hit"].shape == (200_000,) and hits.stats.total.rays.eye == 200_000
-    assert 0 < dark["occluded"].sum() < 200_000
+    assert hits["t_hit"].shape == (40_000,) and hits.stats.total.rays.eye == 40_000
+    assert 0 < dark["occluded"].sum() < 40_000
     with dask.config.set(scheduler="synchronous"):
         exec(block_of("image.stats"), typed)
     assert len(capsys.readouterr().out.splitlines()) == len(shared_client.nthreads())
