@@ -15,21 +15,19 @@ Both are told in bytes a ray.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import json
-import os
 import pickle
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from capped import inside, memory_cap, run_capped
+from capped import run_capped
+from capped_workers import capped_workers
 from case import digest
 from saved import save
 from stores import ORDERS, made
@@ -42,9 +40,6 @@ CAP = 3 << 30
 
 #: Rays of each block that are asked about before the clock starts.
 HEAD = 1000
-
-#: What has workers tell warnings alone.
-QUIET = {"DASK_LOGGING__DISTRIBUTED": "warning"}
 
 #: What the child process that has no cluster is told.
 LOCAL = "--local"
@@ -168,30 +163,6 @@ def outgoing(client: Any) -> int:
     return sum(client.run(lambda dask_worker: dask_worker.transfer_outgoing_bytes_total).values())
 
 
-@contextlib.contextmanager
-def workers(count: int, folder: Path) -> Iterator[Any]:
-    """A client of so many workers, each in a cgroup of its own where one can be made."""
-    from distributed import Client, LocalCluster
-
-    with contextlib.ExitStack() as stack:
-        options = {"n_workers": 0, "dashboard_address": ":0"}
-        cluster = stack.enter_context(LocalCluster(**options))
-        for number in range(count):
-            group = stack.enter_context(memory_cap(CAP, f"-{number}"))
-            command = [
-                *(sys.executable, "-m", "distributed.cli.dask_worker", cluster.scheduler_address),
-                *("--nthreads", "1", "--memory-limit", str(CAP), "--no-dashboard", "--no-nanny"),
-                *("--local-directory", str(folder)),
-            ]
-            command = inside(group, command) if group else command
-            started = subprocess.Popen(command, cwd=folder, env={**os.environ, **QUIET})
-            stack.callback(started.wait)
-            stack.callback(started.terminate)
-        client = stack.enter_context(Client(cluster))
-        client.wait_for_workers(count, timeout=60)
-        yield client
-
-
 def measured(work: Work, folder: Path) -> dict[str, Facts]:
     """Facts of this process, one worker, and two; the answers of all are the same."""
     facts = folder / "facts.json"
@@ -200,8 +171,8 @@ def measured(work: Work, folder: Path) -> dict[str, Facts]:
         raise SystemExit(f"{work.store}: exit status {status}")
     found = {"local": json.loads(facts.read_text())}
     for count in (1, 2):
-        with workers(count, folder) as client:
-            found[str(count)] = clustered(work, client)
+        with capped_workers(count, CAP, folder) as workers:
+            found[str(count)] = clustered(work, workers.client)
     for ask in ("render", "query"):
         if len({facts[ask]["digest"] for facts in found.values()}) > 1:
             raise SystemExit(f"{ask}: found other answers by workers than here, expected the same")

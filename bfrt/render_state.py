@@ -37,7 +37,8 @@ class RenderState:
     depth : int
         The depth that was traced last, from 1; 0 before the first.
     eye_rays : callable
-        Makes the queue of the camera's rays to film elements [first, last).
+        Makes the queue of the camera's rays to film elements [first, last), of the rows that the
+        film has.
     queue : Queue
         Rays of the next depth: the camera's, then `waiting`.
     waiting, following : Spool
@@ -57,7 +58,7 @@ class RenderState:
     bands: int
     band: int
     depth: int
-    eye_rays: Callable[[int, int], EyeRays]
+    eye_rays: Callable[..., EyeRays]
     queue: Queue
     waiting: Spool
     following: Spool
@@ -84,8 +85,8 @@ class RenderState:
         width, height = frame.width, frame.height
         film = Film(width, height, views.samples, room.rows, views.aovs, frame.views)
 
-        def eye_rays(first: int, last: int) -> EyeRays:
-            return EyeRays(store, views.cameras, views.samples, first, last)
+        def eye_rays(first: int, last: int, rows: NDArray[np.uint32] | None = None) -> EyeRays:
+            return EyeRays(store, views.cameras, views.samples, first, last, rows)
 
         return cls(
             bands=room.bands(height),
@@ -114,11 +115,10 @@ class RenderState:
         self.band, self.depth = self.band + 1, 0
         self.queue = self.eye_rays(*self.film.elements())
 
-    def begin_at(self, row: int) -> None:
-        """Begin with the band whose first row is `row`, as none before it was rendered here."""
-        self.film.begin_at(row)
-        self.band = row // self.film.held + 1
-        self.queue = self.eye_rays(*self.film.elements())
+    def take_rows(self, rows: NDArray[np.uint32]) -> None:
+        """Begin with some rows of the frame's elements, which the film has room for."""
+        self.film.take_rows(rows)
+        self.queue = self.eye_rays(0, len(rows) * self.film.shape[1], rows)
 
     def close(self) -> None:
         """Free the disk."""

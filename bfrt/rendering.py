@@ -6,9 +6,12 @@ import logging
 import time
 from collections.abc import Iterable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.illumination import Illumination, light_intensity
-from bfrt.image.film_bands import Planes, own_planes
+from bfrt.image.film_rows import Planes, first_rows
 from bfrt.image.image_buffer import ImageBuffer
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
@@ -68,23 +71,25 @@ def tell_of_bad_rays(stats: Stats) -> None:
         log.warning("%d rays were NaN or had no direction, and hit nothing", stats.bad_rays)
 
 
-def band_of(tracer: Tracer, views: Views, row: int, report: Report) -> tuple[Planes, Stats]:
-    """Trace one band of views: what many workers share a frame by.
+def rows_of(
+    tracer: Tracer, views: Views, rows: NDArray[np.uint32], report: Report
+) -> tuple[Planes, Stats]:
+    """Trace some rows of views: what many workers share a frame by.
 
     Parameters
     ----------
     tracer : Tracer
-        A session on the scene, with capacities for bands of the views' frame.
+        A session on the scene, with capacities for bands of as many of the frame's rows.
     views : Views
-    row : int
-        The first of the band.
+    rows : (n,) uint32
+        Which rows of the frame's film elements: pixels, or corners.
     report : Report
         Called after each pass.
 
     Returns
     -------
     planes : list of ndarray
-        The film of the elements that no band before it has (`own_planes`).
+        The film of these rows.
     stats : Stats
 
     Raises
@@ -95,10 +100,10 @@ def band_of(tracer: Tracer, views: Views, row: int, report: Report) -> tuple[Pla
     start = time.perf_counter()
     stats = stats_of(tracer)
     stats.settings["depth"] = views.depth
-    film = Render(tracer, views, stats, report).run_band(row)
+    film = Render(tracer, views, stats, report).run_rows(rows)
     stats.total.seconds += time.perf_counter() - start
     stats.peak_rss_bytes = peak_rss()
-    return own_planes(film), stats
+    return first_rows(film, len(rows)), stats
 
 
 def stats_of(tracer: Tracer) -> Stats:

@@ -489,10 +489,10 @@ class Scene:
             Seconds between two saves of that state at the least; they take no more than 2 % of the
             time. 0 saves after each pass, whatever that takes.
         client : dask.distributed.Client, or True, optional
-            The workers of a cluster render bands of rows each; True is the current client. The
+            The workers of a cluster render some rows each; True is the current client. The
             store has the same path on all of them. `memory`, `threads` and `scratch` are each
             worker's: by default a quarter of its memory limit, and all its threads. A checkpoint
-            is refused. `progress` gets the sum of all bands and depths. By default this process
+            is refused. `progress` gets the sum of all rows and depths. By default this process
             renders.
 
         Returns
@@ -550,12 +550,12 @@ class Scene:
         """Render by the workers of a cluster."""
         if checkpoint is not None:
             raise SettingError(
-                "checkpoint: found one with a client, expected None: bands that are finished are "
+                "checkpoint: found one with a client, expected None: parts that are finished are "
                 "kept by the cluster, and only a worker's own are done again"
             )
         with reporting(progress) as report, in_memory(f"{self.path}: rendering"):
             heard = None if progress is False else report
-            return cluster.render_bands(cluster.client_of(client), self.store, views, asked, heard)
+            return cluster.render_shared(cluster.client_of(client), self.store, views, asked, heard)
 
     def plan(
         self,

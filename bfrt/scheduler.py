@@ -22,6 +22,9 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bfrt.checkpoint.checkpoint import Checkpoint
 from bfrt.checkpoint.state import Facts, SavedState, StateWriter
 from bfrt.image.film import Film
@@ -96,10 +99,10 @@ class Render:
         state.stats.bad_rays = self._bad + self._tracer.bad
         return state.image
 
-    def run_band(self, row: int) -> Film:
-        """Trace the one band whose first row is `row`; return the film, with its light."""
+    def run_rows(self, rows: NDArray[np.uint32]) -> Film:
+        """Trace some rows of the frame's elements; return the film, which begins with them."""
         state = self._state
-        state.begin_at(row)
+        state.take_rows(rows)
         self._tracer.begin(state.stats)
         try:
             while len(state.queue):

@@ -135,6 +135,22 @@ def test_any_part_of_the_eye_rays_is_that_part_of_all(scenes, samples, views):
     assert some.tobytes() == whole[first * each : last * each].tobytes()
 
 
+@pytest.mark.parametrize("samples", [0, 1, 3])
+@pytest.mark.parametrize("views", [1, 3])
+def test_eye_rays_of_some_rows_are_those_of_the_frame(scenes, samples, views):
+    """But for their elements, which are those of a film that has no other rows."""
+    store, cameras = scenes["given"].store, VIEWS[:views]
+    frame = FrameSize(*SIZE, samples, views=views)
+    whole = EyeRays(store, cameras, samples).read(1 << 20)
+    rows = np.array([1, 2, 5, 3], np.uint32)
+    last = len(rows) * frame.across
+    found = EyeRays(store, cameras, samples, 0, last, rows).read(1 << 20)
+    each = frame.across * max(1, samples)
+    expected = whole.reshape(-1, each)[rows].reshape(-1)
+    expected["pixel"] = np.arange(last).repeat(max(1, samples))
+    assert found.tobytes() == expected.tobytes()
+
+
 def test_the_rows_of_a_film_are_those_of_each_view():
     """Sums that tell their element: each view is averaged with corners of its own."""
     film = Film(3, 4, 0, views=2)

@@ -4,8 +4,8 @@
 
     client                                        a worker process
     dask arrays ─► a task for each block ──────►  Place ─► Session, opened once ─► answers
-    frame ─► a task for each band of rows ─────►  Place ─► Session ─► film's integers ─┐
-    picture ◄── bands, merged in order ◄───────────────────────────────────────────────┘
+    frame ─► a task for some rows of it ───────►  Place ─► Session ─► film's integers ─┐
+    picture ◄── rows, put together ◄───────────────────────────────────────────────────┘
 
 What travels is small: a store as its path and checksum, settings, a view; rays and answers travel
 as Dask moves its blocks. Dask schedules, replaces workers and moves arrays; it is imported when it
@@ -23,7 +23,7 @@ OFFERED = {
     "is_lazy": "bfrt.cluster.engine:is_lazy",
     "lazy_answer": "bfrt.cluster.blocks:lazy_answer",
     "lazy_point_answer": "bfrt.cluster.point_blocks:lazy_point_answer",
-    "render_bands": "bfrt.cluster.bands:render",
+    "render_shared": "bfrt.cluster.shared_frame:render",
 }
 
 __getattr__ = offering(__name__, OFFERED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -11,47 +10,15 @@ from typing import NamedTuple
 from bfrt.budget import NO_FRAME
 from bfrt.cluster.asked import Asked
 from bfrt.cluster.counters import Part
+from bfrt.cluster.division import UNDIVIDED, Division, divided
 from bfrt.cluster.place import Place
 from bfrt.cluster.stores import lent
 from bfrt.cluster.worker import this_worker
 from bfrt.image.frame import FrameSize
-from bfrt.phases.eye import count_eye_rays
 from bfrt.refusals import in_memory
 from bfrt.rendering import stats_of
 from bfrt.session import Session
 from bfrt.settings import Settings
-
-#: Bands of a frame for each worker: the fewest that even out their unequal work, and the most.
-FEWEST_BANDS = 2
-MOST_BANDS = 4
-
-
-class Bands(NamedTuple):
-    """Tells how a frame is divided into bands of rows.
-
-    Attributes
-    ----------
-    rows : int
-        Of the last bands, one for each worker: the last of them may have less.
-    first : int
-        Of all bands before these, as many times `rows`.
-    small : int
-        How many bands of `rows` there are.
-    """
-
-    rows: int
-    first: int
-    small: int
-
-    def starts(self, height: int) -> list[int]:
-        """Return the first row of each band, and of what would follow the last."""
-        large = max(0, -(-height // self.rows) - self.small) // (self.first // self.rows)
-        begin = large * self.first
-        return [*range(0, begin, self.first), *range(begin, height, self.rows), height]
-
-
-#: Of no frame.
-NO_BANDS = Bands(0, 0, 0)
 
 
 class Prepared(NamedTuple):
@@ -61,14 +28,14 @@ class Prepared(NamedTuple):
     ----------
     memory : int
         The budget that marks were made for.
-    bands : Bands
-        Of the frame; none without a frame.
+    division : Division
+        Of the frame.
     part : Part
         The counters of preparing.
     """
 
     memory: int
-    bands: Bands
+    division: Division
     part: Part
 
 
@@ -93,7 +60,7 @@ class Work:
         with inside, lent(self.place) as session:
             yield session, settings
 
-    def prepare(self, frame: FrameSize, workers: int) -> Prepared:
+    def prepare(self, frame: FrameSize, workers: int = 1, most: int = 0) -> Prepared:
         """Make the marks that all tasks need, where there are none, and divide the frame.
 
         Parameters
@@ -101,47 +68,25 @@ class Work:
         frame : FrameSize
         workers : int
             Workers that will share it.
+        most : int
+            Pixel rows of it that the client's memory holds.
         """
-        bands = NO_BANDS
+        division = UNDIVIDED
         with self.begun(fresh_marks=True) as (session, settings):
             if frame.width:
                 held = session.divide(session.store, settings, frame)
-                bands = bands_of(frame, held.rows, held.rays, workers)
-                frame = frame._replace(band=bands.first)
+                division = divided(frame, min(most, workers * held.rows), held.rays, workers)
+                frame = frame._replace(band=division.held)
             with session.tracer(settings, frame) as tracer:
                 stats = stats_of(tracer)
                 tracer.begin(stats)
-                return Prepared(settings.memory, bands, (this_worker().name, stats))
+                return Prepared(settings.memory, division, (this_worker().name, stats))
 
     def with_budget(self, prepared: Prepared) -> Work:
         """Return the same work, inside the budget that marks were made for."""
         return replace(self, asked=replace(self.asked, memory=prepared.memory))
 
 
-def bands_of(frame: FrameSize, most: int, rays: int, workers: int) -> Bands:
-    """Return the bands of a frame that workers share.
-
-    A band of fewer rays than fit in memory at once only has the objects stream past more often. So
-    there are as many bands as the frame fills memory times, within the limits of what evens out
-    the workers' work; one worker has nothing to even out. The last ones, one for each worker, are
-    half as high: who is done first takes what another would else be late with.
-
-    Parameters
-    ----------
-    most : int
-        Rows that fit in memory.
-    rays : int
-        Rays that fit in memory at once.
-    """
-    times = math.ceil(count_eye_rays(frame) / rays)
-    fewest = FEWEST_BANDS * workers if workers > 1 else 1
-    bands = max(fewest, min(MOST_BANDS * workers, times))
-    if bands == 1 and frame.height <= most:
-        return Bands(frame.height, frame.height, 1)
-    rows = max(1, min(most // 2, -(-frame.height // (2 * bands - workers))))
-    return Bands(rows, min(2 * rows, most), workers)
-
-
 def ready(work: Work) -> Prepared:
     """Prepare a store for queries."""
-    return work.prepare(NO_FRAME, 1)
+    return work.prepare(NO_FRAME)

@@ -13,6 +13,8 @@ cdef class Film:
     cdef float[:, ::1] positions    # element: P.X, P.Y, P.Z of sample 0; none if not asked for
     cdef float[:, ::1] albedos      # element: albedo.R, .G, .B of sample 0; likewise
     cdef const uint32_t[::1] numbers  # element: its number in the frame; or none: the same
+    cdef const uint32_t[::1] lines  # row: which one of the frame it is; or none: the same
+    cdef int64_t across             # elements of a row
     cdef int64_t first              # the element that is the first in memory
     cdef readonly int row           # the image row that it begins
     cdef readonly int held          # image rows in memory at a time
@@ -43,4 +45,10 @@ cdef inline void film_add(Film film, uint32_t element, double red, double green,
 
 cdef inline uint32_t film_number(Film film, uint32_t element) noexcept nogil:
     """Return an element's number in the frame."""
-    return film.numbers[element] if film.numbers.shape[0] else element
+    cdef int64_t row
+    if film.numbers.shape[0]:
+        return film.numbers[element]
+    if film.lines.shape[0]:
+        row = element // film.across
+        return <uint32_t>(element + (film.lines[row] - row) * film.across)
+    return element

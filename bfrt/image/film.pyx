@@ -46,7 +46,8 @@ cdef class Film:
         self.corners = samples == 0
         self.samples = max(samples, 1)
         self.views = views
-        self.shape = (height + self.corners, views * <int64_t>(width + self.corners))
+        self.across = views * <int64_t>(width + self.corners)
+        self.shape = (height + self.corners, self.across)
         self.held = height if held is None else min(held, height)
         elements = (self.held + self.corners) * self.shape[1]
         self.sums = np.zeros((elements, 4), np.int64)
@@ -55,11 +56,16 @@ cdef class Film:
         self.positions = np.empty((elements if "position" in aovs else 0, 3), np.float32)
         self.albedos = np.empty((elements if "albedo" in aovs else 0, 3), np.float32)
         self.numbers = np.empty(0, np.uint32)
+        self.lines = np.empty(0, np.uint32)
         self.clear(0)
 
     def number(self, const uint32_t[::1] numbers):
         """Say which elements of a frame this film has, where it has some only: their numbers."""
         self.numbers = numbers
+
+    def take_rows(self, const uint32_t[::1] rows):
+        """Say which rows of a frame's elements this film has, where it has some only."""
+        self.lines = rows
 
     def planes(self):
         """Return the arrays of all elements, each with its value where no ray has met anything."""
@@ -102,7 +108,7 @@ cdef class Film:
     def begin_at(self, int row):
         """Begin with the band whose first image row is `row`."""
         self.row = row
-        self.first = row * <int64_t>self.shape[1]
+        self.first = row * self.across
 
     def rows(self, int first, int last, int view=0):
         """Return channels of rows [first, last) of a view in this band: a dict of (rows, width).

@@ -7,6 +7,8 @@ views. What is made of an element's number inside its view does not depend on th
 cimport cython
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
+import numpy as np
+
 from bfrt.geometry.far cimport Bounds, advance_far, bounds_of
 from bfrt.geometry.vector cimport Line, Vec, add, line, scale, unit, vec
 from bfrt.phases.hashing cimport mixed, uniform
@@ -19,7 +21,7 @@ cdef struct Eye:
     Vec forward
     Vec right
     Vec up
-    int64_t before   # elements of other views that the line's come after
+    int64_t before   # what an element's number inside the view is less than that in the film
 
 
 @cython.final
@@ -48,6 +50,7 @@ cdef class EyeRayGenerator:
     cdef int samples
     cdef int64_t turn
     cdef Bounds bounds
+    cdef const uint32_t[::1] rows  # row of the film: which one of the frame; or none: the same
 
     def __cinit__(self, const double[:, :, ::1] views, int width, int height, int samples,
                   int64_t turn, const double[:, ::1] bounds):
@@ -55,6 +58,11 @@ cdef class EyeRayGenerator:
         self.width, self.height = width, height
         self.samples, self.turn = samples, turn
         self.bounds = bounds_of(bounds)
+        self.rows = np.empty(0, np.uint32)
+
+    def take_rows(self, const uint32_t[::1] rows):
+        """Say which rows of the frame the film has, where it has some only."""
+        self.rows = rows
 
     def generate(self, int64_t first, Queued[::1] out):
         """Make the eye rays of samples first, first + 1, ...
@@ -108,10 +116,13 @@ cdef class EyeRayGenerator:
         """Return what the rays of line `number` have in common."""
         cdef int64_t views = self.views.shape[0]
         cdef const double* v = &self.views[number % views, 0, 0]
+        cdef int64_t row = number // views
         cdef Eye eye
         eye.place, eye.forward = vec(v[0], v[1], v[2]), vec(v[3], v[4], v[5])
         eye.right, eye.up = vec(v[6], v[7], v[8]), vec(v[9], v[10], v[11])
-        eye.before = (number - number // views) * self.across()
+        if self.rows.shape[0]:
+            row = self.rows[row]
+        eye.before = (number - row) * self.across()
         return eye
 
     cdef void sample(self, const Eye* eye, int64_t index, Queued* q) noexcept nogil:

@@ -36,6 +36,8 @@ class EyeRays:
         columns, moved by a hash of the pixel. 0 is SPD's procedure: one ray at each pixel corner,
         so (width + 1) (height + 1) of a view, the outermost at half
         the angle.
+    rows : (n,) uint32, optional
+        Which rows of the frame's elements the film has; by default all.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class EyeRays:
         samples: int,
         first: int = 0,
         last: int | None = None,
+        rows: NDArray[np.uint32] | None = None,
     ) -> None:
         frame = FrameSize(*cameras[0].resolution, samples, views=len(cameras))
         empty = store.bounds.empty
@@ -56,6 +59,8 @@ class EyeRays:
             coprime_turn(samples),
             np.zeros((2, 3)) if empty else np.stack([store.bounds.lo, store.bounds.hi]),
         )
+        if rows is not None:
+            self._generator.take_rows(rows)
         each = max(1, samples)
         self._taken = first * each
         self._total = count_eye_rays(frame) if last is None else last * each

@@ -46,7 +46,7 @@ def main(folder: Path, pixels: int = 512) -> None:
         for worker, own in stats.workers.items():
             print(f"{worker}: {own.total.rays.eye:,} rays")
 
-        camera = scene.framing_camera(resolution=(pixels, pixels))  # by bands of rows
+        camera = scene.framing_camera(resolution=(pixels, pixels))  # some rows by each
         bfrt.render(scene, camera=camera, client=client).save(folder / "galaxy.png")
 
     light = np.log1p(crossings / 2).reshape(pixels, pixels).astype(np.float32)

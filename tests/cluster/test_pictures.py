@@ -18,8 +18,10 @@ from cluster_fixtures import (
 from shading import LIT
 
 import bfrt
-from bfrt.cluster.work import bands_of
+from bfrt.cluster import shared_frame
+from bfrt.cluster.division import Division, divided
 from bfrt.image.frame import FrameSize
+from bfrt.memory import BASELINE
 
 pytest.importorskip("distributed", reason=NEEDED)
 
@@ -104,24 +106,61 @@ def test_a_frame_of_one_row(shared_client, one):
     assert_same_picture(scene.render(**settings, camera=camera, client=shared_client), expected)
 
 
+def test_a_frame_that_the_client_does_not_hold(shared_client, one, monkeypatch):
+    """It puts bands of rows together, one after another, on its disk."""
+    scene, settings = one
+    camera = dataclasses.replace(scene.camera, resolution=(700, 160))
+    settings = {**settings, "camera": camera, "depth": 2, "aovs": ("position",)}
+    for samples in (None, 1):
+        expected = scene.render(**settings, samples=samples)
+        monkeypatch.setattr(shared_frame, "default_memory", lambda: BASELINE + (16 << 20))
+        found = scene.render(**settings, samples=samples, client=shared_client)
+        monkeypatch.undo()
+        assert isinstance(found.channels["R"], np.memmap)
+        assert_same_picture(found, expected)
+
+
 @pytest.mark.parametrize(
     ("height", "most", "rays", "workers", "rows"),
     [
-        (100, 100, 10**6, 1, [100]),  # one worker, and memory for all rays at once
-        (100, 100, 10**6, 2, [34, 34, 17, 15]),  # two bands each, the last ones half as high
-        (100, 100, 100 * 101, 4, [18, 18, 18, 18, 9, 9, 9, 1]),
-        (100, 100, 1000, 2, [16, 16, 16, 16, 16, 8, 8, 4]),  # no memory for all rays: four each
-        (100, 100, 1, 1, [30, 30, 30, 10]),
-        (12, 3, 10**6, 2, [2, 2, 2, 2, 2, 1, 1]),  # no more rows than memory holds
+        (100, 100, 10**6, 1, [100]),  # memory for all rays at once
+        (100, 100, 10**6, 2, [100]),
+        (100, 200, 100 * 50, 2, [100]),  # memory for all of them together
+        (100, 100, 100 * 50, 1, [50, 50]),
+        (100, 100, 1000, 2, [25, 25, 25, 25]),  # no memory for all rays: four each
+        (100, 100, 1, 1, [25, 25, 25, 25]),
+        (12, 3, 10**6, 2, [3, 3, 3, 3]),  # no more rows than memory holds
+        (13, 3, 10**6, 2, [3, 3, 3, 3, 1]),
         (3, 1, 10**6, 1, [1, 1, 1]),
-        (5, 1, 10**6, 2, [1, 1, 1, 1, 1]),
-        (3, 3, 10**6, 64, [1, 1, 1]),  # no band without a row
+        (3, 3, 10**6, 64, [3]),
     ],
 )
-def test_how_a_frame_is_divided(height, most, rays, workers, rows):
-    bands = bands_of(FrameSize(100, height, 1), most, rays, workers)
-    assert np.diff(bands.starts(height)).tolist() == rows
-    assert max(rows) <= bands.first <= most and bands.first % bands.rows == 0
+@pytest.mark.parametrize("samples", [0, 1])
+def test_how_a_frame_is_divided(height, most, rays, workers, rows, samples):
+    frame = FrameSize(100 - (samples == 0), height, samples)
+    rays += 100 * (samples == 0)
+    division = divided(frame, most, rays, workers)
+    bands = division.bands(frame)
+    found = [len(band) for band in bands]
+    assert [found[0] - (samples == 0), *found[1:]] == rows
+    parts = [part for band in bands for part in division.parts_of(band)]
+    every = np.sort(np.concatenate(parts))
+    np.testing.assert_array_equal(every, np.arange(height + (samples == 0)))
+    assert max(map(len, parts)) <= division.held + (samples == 0)
+
+
+@pytest.mark.parametrize("rows", [1, 5, 31, 32, 100, 257, 641, 2160])
+@pytest.mark.parametrize("workers", [1, 2, 3, 8])
+def test_parts_are_spread_over_their_band(rows, workers):
+    """Alike in size to a row, and over each eighth of a band that is high enough."""
+    parts = Division(rows, workers).parts_of(range(7, 7 + rows))
+    assert len(parts) == min(rows, workers)
+    sizes = [len(part) for part in parts]
+    assert sum(sizes) == rows and max(sizes) - min(sizes) <= 1
+    if rows >= 16 * workers:
+        for part in parts:
+            spread = np.histogram(part, 4, (7, 7 + rows))[0] * 4 * workers / rows
+            assert spread.min() > 0.5 and spread.max() < 1.6
 
 
 def test_marks_are_made_by_one_worker(shared_client, tmp_path):
@@ -151,7 +190,7 @@ def test_counters_are_the_sum_of_all_workers(shared_client, one):
     assert "peak memory" in stats.table()
 
 
-def test_progress_is_the_sum_of_all_bands(shared_client, one):
+def test_progress_is_the_sum_of_all_parts(shared_client, one):
     scene, settings = one
     told = []
     image = scene.render(**settings, client=shared_client, progress=told.append)

@@ -1,4 +1,4 @@
-"""A frame on many workers: each renders bands of rows, and the client puts their films together."""
+"""A frame on many workers: each renders some of its rows, and the client puts films together."""
 
 from __future__ import annotations
 
@@ -7,65 +7,84 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bfrt.cluster.asked import Asked
 from bfrt.cluster.counters import Part, summed
+from bfrt.cluster.division import Division
 from bfrt.cluster.place import Place
 from bfrt.cluster.reports import TaskReport
 from bfrt.cluster.watching import Watch
 from bfrt.cluster.work import Prepared, Work
 from bfrt.cluster.worker import this_worker
 from bfrt.image.film import Film
-from bfrt.image.film_bands import Planes, add_bands
-from bfrt.image.frame import FRAME_PART, FrameSize
-from bfrt.image.image_buffer import ImageBuffer
+from bfrt.image.film_rows import Planes, put_rows
+from bfrt.image.frame import FrameSize, held_frame
+from bfrt.image.image_buffer import ImageBuffer, resolve
 from bfrt.image.pictures import Images
-from bfrt.memory import default_memory
+from bfrt.memory import BASELINE, default_memory
 from bfrt.phases.eye import count_eye_rays
+from bfrt.phases.traversal import FEWEST_RAYS
 from bfrt.progress import Report
-from bfrt.rendering import band_of, images_of, tell_of_bad_rays
+from bfrt.rendering import images_of, rows_of, tell_of_bad_rays
 from bfrt.settings import scratch_folder
 from bfrt.stats import Stats
 from bfrt.store.store import Store
 from bfrt.view import Views
 
-#: The film of a band, and the counters of its worker.
-Band = tuple[Planes, Part]
+#: Rows of elements, by their numbers in a frame, and the number of the task that traces them.
+Rows = tuple[int, NDArray[np.uint32]]
+
+#: The film of a part, and the counters of its worker.
+Traced = tuple[Planes, Part]
 
 
 @dataclass(frozen=True)
 class Preparing:
-    """Gets a store ready for a frame that so many workers share, as a task."""
+    """Gets a store ready for a frame that so many workers share, as a task.
+
+    Attributes
+    ----------
+    work : Work
+    frame : FrameSize
+    rows : int
+        Pixel rows that the client's memory holds.
+    """
 
     work: Work
     frame: FrameSize
+    rows: int
 
     def __call__(self, workers: int) -> Prepared:
-        return self.work.prepare(self.frame, workers)
+        return self.work.prepare(self.frame, workers, self.rows)
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """Renders bands of a frame, as a task for each: the rows from one on, up to another.
+    """Renders parts of a frame, as a task for each.
 
     Attributes
     ----------
     work : Work
     views : Views
+    division : Division
     topic : str, optional
         Where messages go.
     """
 
     work: Work
     views: Views
+    division: Division
     topic: str | None
 
-    def __call__(self, band: tuple[int, int, int]) -> Band:
-        number, row, end = band
-        frame = self.views.frame._replace(band=end - row)
+    def __call__(self, part: Rows) -> Traced:
+        number, rows = part
+        frame = self.views.frame._replace(band=self.division.held)
         report = TaskReport(self.topic, number)
         with self.work.begun() as (session, settings):
             with session.tracer(settings, frame) as tracer:
-                planes, stats = band_of(tracer, self.views, row, report)
+                planes, stats = rows_of(tracer, self.views, rows, report)
             return planes, (this_worker().name, stats)
 
 
@@ -79,7 +98,7 @@ def render(client: Any, store: Store, views: Views, asked: Asked, report: Report
     views : Views
     asked : Asked
     report : Report, optional
-        Gets the sum over all bands.
+        Gets the sum over all parts.
 
     Raises
     ------
@@ -89,33 +108,33 @@ def render(client: Any, store: Store, views: Views, asked: Asked, report: Report
     start = time.perf_counter()
     work, frame = Work(Place.of(store), asked), views.frame
     width, height = frame.width, frame.height
+    held = held_frame(frame, default_memory() - BASELINE, FEWEST_RAYS)
+    scratch = scratch_folder(None, store.path) if held.on_disk else None
     with Watch(client, count_eye_rays(frame), report) as watch:
         workers = max(1, len(client.nthreads()))
-        (preparing,) = watch.begin(Preparing(work, frame), [workers], "prepare")
+        (preparing,) = watch.begin(Preparing(work, frame, held.rows), [workers], "prepare")
         prepared: Prepared = watch.result(preparing)
-        task = Rendering(work.with_budget(prepared), views, watch.topic)
-        rows, starts = prepared.bands.rows, prepared.bands.starts(height)
-        film = Film(width, height, views.samples, rows, views.aovs, frame.views)
-        image = ImageBuffer(width, height, scratch_of(store, views), frame.views)
+        division = prepared.division
+        task = Rendering(work.with_budget(prepared), views, division, watch.topic)
+        bands = [division.parts_of(rows) for rows in division.bands(frame)]
+        errands = iter(watch.begin(task, list(enumerate(itertools.chain(*bands))), "part"))
+        film = Film(width, height, frame.samples, division.rows, frame.aovs, frame.views)
+        image = ImageBuffer(width, height, scratch, frame.views)
         parts = [prepared.part]
-        bands = [(n, *ends) for n, ends in enumerate(itertools.pairwise(starts))]
-        for (number, row, end), errand in zip(bands, watch.begin(task, bands, "band"), strict=True):
-            planes, part = watch.result(errand)
-            add_bands(film, planes, image, -(-(end - row) // rows))
-            parts.append(part)
-            watch.through(number, rays_of(part[1]))
+        for band in bands:
+            for rows in band:
+                number = len(parts) - 1
+                planes, part = watch.result(next(errands))
+                put_rows(film, rows, planes)
+                parts.append(part)
+                watch.through(number, rays_of(part[1]))
+            resolve(film, image)
+            film.advance()
     stats = summed(parts)
     stats.settings = dict(part[1].settings)
     stats.total.seconds = time.perf_counter() - start
     tell_of_bad_rays(stats)
     return images_of(image, store, views, stats)
-
-
-def scratch_of(store: Store, views: Views) -> Any:
-    """Return the client's folder for pictures that its memory has no room for; else None."""
-    if views.frame.whole_bytes <= FRAME_PART * default_memory():
-        return None
-    return scratch_folder(None, store.path)
 
 
 def rays_of(stats: Stats) -> int:
