@@ -63,7 +63,8 @@ def test_the_first_use_imports():
 
 
 @pytest.mark.parametrize(
-    "room", ["cluster.shared_frame", "conversion", "formats", "planning.planned", "queries.question"]
+    "room",
+    ["cluster.shared_frame", "conversion", "formats", "planning.planned", "queries.question"],
 )
 def test_a_render_loads_nothing_else(room):
     asked = f"print(any(name.startswith('bfrt.{room}') for name in sys.modules))"
