@@ -694,7 +694,7 @@ class Scene:
             local = cluster.Local(out, progress, checkpoint)
             rays = (origins, directions, t_min, t_max)
             asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return cluster.lazy_answer("cast_rays", self.store, rays, asked, local, extras)
+            return cluster.ask_in_blocks("cast_rays", self.store, rays, asked, local, extras)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "cast_rays", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -769,7 +769,7 @@ class Scene:
             local = cluster.Local(out, progress, checkpoint)
             rays = (origins, directions, t_min, t_max)
             asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return cluster.lazy_answer("occluded", self.store, rays, asked, local)
+            return cluster.ask_in_blocks("occluded", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "occluded", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -844,7 +844,7 @@ class Scene:
             local = cluster.Local(out, progress, checkpoint)
             rays = (origins, directions, t_min, t_max)
             asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return cluster.lazy_answer("count_intersections", self.store, rays, asked, local)
+            return cluster.ask_in_blocks("count_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "count_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -918,7 +918,7 @@ class Scene:
             local = cluster.Local(out, progress, checkpoint)
             rays = (origins, directions, t_min, t_max)
             asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return cluster.lazy_answer("list_intersections", self.store, rays, asked, local)
+            return cluster.ask_in_blocks("list_intersections", self.store, rays, asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "list_intersections", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -1004,7 +1004,7 @@ class Scene:
         if cluster.is_lazy(points, normals):
             local = cluster.Local(out, progress, checkpoint)
             asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return cluster.lazy_point_answer(query, self.store, (points, normals), asked, local)
+            return cluster.ask_about_points(query, self.store, (points, normals), asked, local)
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
         work = self._keeping(checkpoint, every, "visibility", settings, out)
         inside = self._inside(settings, "tracing rays")
@@ -1066,7 +1066,7 @@ class Scene:
         if cluster.is_lazy(points):
             local = cluster.Local(out, progress, checkpoint)
             asked = cluster.Asked(memory, threads, refine, grid, max_grid, fresh_marks, scratch)
-            return cluster.lazy_point_answer(
+            return cluster.ask_about_points(
                 queries.CONTAINS, self.store, (points, None), asked, local
             )
         settings = Settings.of(memory, threads, refine, grid, max_grid, fresh_marks, scratch)

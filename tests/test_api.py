@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import pkgutil
 import subprocess
 import sys
 import tempfile
@@ -40,6 +41,8 @@ def test_all_is_offered():
         module = importlib.import_module(home)
         assert getattr(bfrt, name) is (getattr(module, inside) if inside else module)
     assert set(bfrt.__all__) < set(dir(bfrt))
+    rooms = {one.name for one in pkgutil.iter_modules(bfrt.__path__)}
+    assert bfrt.OFFERED.keys() & rooms == {"spd"}  # which is offered
 
 
 @pytest.mark.parametrize("room", ["cluster", "planning", "queries", "wavefront"])
@@ -49,6 +52,8 @@ def test_all_that_a_room_offers_is_there(room):
     for name in package.OFFERED:
         assert getattr(package, name) is not None
         assert name in vars(package)  # kept for the next time
+    # A module that is imported becomes an attribute of its package.
+    assert not package.OFFERED.keys() & {one.name for one in pkgutil.iter_modules(package.__path__)}
 
 
 @pytest.mark.parametrize("name", ["nothing", "__nothing__"])

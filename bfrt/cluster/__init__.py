@@ -19,10 +19,10 @@ OFFERED = {
     "Asked": "bfrt.cluster.asked:Asked",
     "Local": "bfrt.cluster.blocks:Local",
     "Place": "bfrt.cluster.place:Place",
+    "ask_about_points": "bfrt.cluster.point_blocks:ask_about_points",
+    "ask_in_blocks": "bfrt.cluster.blocks:ask_in_blocks",
     "client_of": "bfrt.cluster.engine:client_of",
     "is_lazy": "bfrt.cluster.engine:is_lazy",
-    "lazy_answer": "bfrt.cluster.blocks:lazy_answer",
-    "lazy_point_answer": "bfrt.cluster.point_blocks:lazy_point_answer",
     "render_shared": "bfrt.cluster.shared_frame:render",
 }
 

@@ -131,7 +131,7 @@ class BlockQuery:
         return {**answer, COUNTERS: (this_worker().name, answer.stats)}
 
 
-def lazy_answer(
+def ask_in_blocks(
     name: str,
     store: Store,
     given: tuple[Any, Any, Any, Any],

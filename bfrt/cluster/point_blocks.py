@@ -54,7 +54,7 @@ class PointBlockQuery:
         return {**answer, COUNTERS: (this_worker().name, answer.stats)}
 
 
-def lazy_point_answer(
+def ask_about_points(
     query: RowPerPoint | Containment,
     store: Store,
     given: tuple[Any, Any],
