@@ -204,7 +204,7 @@ def test_the_first_signal_says_how_it_ends(interrupts, monkeypatch):
     monkeypatch.setattr(process, "IMPATIENCE", 0)
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         with pytest.raises(KeyboardInterrupt) as caught:
-            os.kill(os.getpid(), number)
+            signal.raise_signal(number)
         assert process.ending_of(caught.value) == ("terminated", 143)
 
 
@@ -213,7 +213,7 @@ def test_a_signal_when_the_command_is_ending_is_passed_over(interrupts, monkeypa
     with pytest.raises(KeyboardInterrupt):
         interrupt()
     namespace = {"__name__": "bfrt.cli.command", "os": os, "signal": signal}
-    exec("os.kill(os.getpid(), signal.SIGINT)", namespace)
+    exec("signal.raise_signal(signal.SIGINT)", namespace)
     with pytest.raises(KeyboardInterrupt):
         interrupt()
 
@@ -235,7 +235,7 @@ def interrupts():
 
 
 def interrupt():
-    os.kill(os.getpid(), signal.SIGINT)
+    signal.raise_signal(signal.SIGINT)
 
 
 def test_an_interrupt_is_raised_at_once(interrupts):
@@ -281,7 +281,7 @@ class Context:
     left = False
 
     def __enter__(self):
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
 
     def __exit__(self, *_):
         self.left = True
@@ -296,7 +296,7 @@ def test_an_interrupt_of_a_context_s_begin_comes_when_it_is_sure_to_end(interrup
 
 def test_an_interrupt_of_an_import_comes_when_it_has_ended(interrupts, tmp_path, monkeypatch):
     (tmp_path / "swallowing.py").write_text(
-        "import os, signal\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\nexcept:\n    pass\n"
+        "import os, signal\ntry:\n    signal.raise_signal(signal.SIGINT)\nexcept:\n    pass\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(KeyboardInterrupt):
