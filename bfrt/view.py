@@ -24,9 +24,11 @@ DEPTH = 5
 #: Samples of a pixel have numbers of 31 bits.
 MOST_SAMPLES = (1 << 31) - 1
 
-
 #: Elements of a film have numbers of 32 bits.
 MOST_ELEMENTS = 1 << 32
+
+#: Pixels of a side of a picture.
+MOST_PIXELS = 65535
 
 #: What a caller asks for: a view, several of one size, or the scene's own.
 Cameras = Camera | Sequence[Camera] | None
@@ -154,6 +156,21 @@ def cameras_of(store: Store, asked: Cameras) -> tuple[Camera, ...]:
                 f"{cameras[0].resolution} at 0, expected one resolution for all views"
             )
     return cameras
+
+
+def preview_camera(store: Store, pixels: int, camera: Camera | None) -> Camera:
+    """Return the view of a preview, as `Scene.preview` tells.
+
+    Raises
+    ------
+    SettingError
+        As `Views.of`; if `pixels` is out of range.
+    """
+    (view,) = Views.of(store, camera, None, 1, ()).cameras
+    at_least_one("pixels", pixels, MOST_PIXELS)
+    longer = max(view.resolution)
+    width, height = (max(1, round(side * pixels / longer)) for side in view.resolution)
+    return replace(view, resolution=(width, height))
 
 
 def asked_for(images: Images, asked: Cameras) -> Image | Images:
