@@ -19,7 +19,7 @@ from bfrt.illumination import LightAsked
 from bfrt.image.color_scale import ColorScale
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
-from bfrt.notebook import bounds_rows, table
+from bfrt.notebook import bounds_rows, color_rows, table
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
 from bfrt.refusals import in_memory
@@ -65,7 +65,7 @@ class ShardedScene:
         shards = len(self._manifest.shards)
         facts = [("objects", f"{self.objects:,}"), ("shards", f"{shards:,}")]
         workers = [(name, f"{len(own):,} shards") for name, own in self.workers.items()]
-        shown = [*facts, *bounds_rows(self.bounds), *workers]
+        shown = [*facts, *bounds_rows(self.bounds), *color_rows(self.colors), *workers]
         return f"<b>{escape(str(self.path))}</b>{table(shown)}"
 
     @property

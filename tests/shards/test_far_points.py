@@ -1,5 +1,4 @@
-"""Points asked about, and what hits tell, where shards stay with workers: the answers of one store.
-"""
+"""Points asked about, and places of hits, where shards stay with workers: as of one store."""
 
 from __future__ import annotations
 
@@ -144,16 +143,13 @@ def test_a_preview_is_that_of_one_store(scenes, shared_client):
 def test_colors_are_those_of_all_shards(tmp_path, shared_client):
     stores = []
     for number, name in enumerate(["mass", "age", "mass"]):
-        np.save(tmp_path / f"{number}.npy", np.random.default_rng(number).random((9, 3)))
-        np.save(tmp_path / f"{name}.npy", np.arange(9.0))
-        points = {"positions": tmp_path / f"{number}.npy", name: tmp_path / f"{name}.npy"}
-        np.savez(tmp_path / f"{number}.npz", **{key: np.load(p) for key, p in points.items()})
-        bfrt.convert(
-            tmp_path / f"{number}.npz", tmp_path / f"{number}.bfrt", radius=0.1, color_by=name,
-            origin=(0, 0, 0),
-        )  # fmt: skip
-        stores.append(bfrt.open(tmp_path / f"{number}.bfrt").store)
+        centers = np.random.default_rng(number).random((9, 3), np.float32)
+        np.savez(tmp_path / "points.npz", positions=centers, **{name: np.arange(9.0)})
+        store = tmp_path / f"{number}.bfrt"
+        bfrt.convert(tmp_path / "points.npz", store, radius=0.1, color_by=name)
+        stores.append(bfrt.open(store).store)
     join(tmp_path / "scene.bfrts", stores)
     far = bfrt.open(tmp_path / "scene.bfrts", client=shared_client)
     assert far.colors == bfrt.open(tmp_path / "scene.bfrts").colors
     assert far.colors == tuple(ColorScale(name, "viridis", 0.0, 8.0) for name in ("mass", "age"))
+    assert "age: 0 to 8, viridis" in far._repr_html_()
