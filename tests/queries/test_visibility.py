@@ -109,13 +109,13 @@ def test_one_point_is_near_the_truth(ball):
 def test_directions_are_spread(tmp_path, monkeypatch, spread):
     """Unit, all on the normal's side, with the mean and the moments of their density."""
     taken = []
-    fill = points_room.RowPerPoint._rays
+    fill = points_room.RowPerPoint.rays
 
     def rays(self, *given):
         made = fill(self, *given)
         return made._replace(blocks=iter(taken.append(block) or block for block in made.blocks))
 
-    monkeypatch.setattr(points_room.RowPerPoint, "_rays", rays)
+    monkeypatch.setattr(points_room.RowPerPoint, "rays", rays)
     with bfrt.SceneWriter(tmp_path / "none.bfrt"):
         pass
     rng = np.random.default_rng(3)
