@@ -22,6 +22,9 @@ from bfrt.settings import at_least_one
 from bfrt.store.model import Camera, Light, Vector, cross
 from bfrt.store.store import Store
 
+#: Views of a turn at the most.
+MOST_VIEWS = 65536
+
 #: From the scene to the eye, in parts of right, front and up.
 TO_EYE = (1.0, 2.0, 1.0)
 
@@ -62,9 +65,8 @@ def framing_camera(
 
 def turntable(store: Store, count: int, camera: Camera | None = None) -> list[Camera]:
     """Return views around a store's bounds, as `bfrt.Scene.turntable` does."""
-    at_least_one("count", count)
-    if camera is not None and not isinstance(camera, Camera):
-        raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera or None")
+    at_least_one("count", count, MOST_VIEWS)
+    check_one(camera)
     first = camera or store.camera or framing_camera(store)
     center, _ = bounding_sphere(store)
     axis = unit(first.up)
@@ -81,6 +83,12 @@ def turntable(store: Store, count: int, camera: Camera | None = None) -> list[Ca
     angles = (2.0 * math.pi * number / count for number in range(1, count))
     others = ((turned(first.eye, angle), turned(first.at, angle)) for angle in angles)
     return [first, *(replace(first, eye=eye, at=at) for eye, at in others)]
+
+
+def check_one(camera: object) -> None:
+    """Refuse what is neither a camera nor None, as several cameras are."""
+    if camera is not None and not isinstance(camera, Camera):
+        raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera or None")
 
 
 def framing_lights(store: Store, camera: Camera) -> list[Light]:

@@ -323,7 +323,7 @@ class Scene:
         Parameters
         ----------
         count : int
-            Views of a whole turn, 1 or more.
+            Views of a whole turn, 1 to 65536.
         camera : Camera, optional
             The first of them. By default as of `render`.
 

@@ -5,6 +5,7 @@ None of them changes an answer or a picture.
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 from dataclasses import dataclass
@@ -124,6 +125,16 @@ class Settings:
     def scratch_beside(self, path: Path) -> Path:
         """Return the folder for spools: the one asked for, else one beside a path."""
         return scratch_folder(self.scratch, path)
+
+
+def number_of(value: object) -> float:
+    """Return a real number as a float: NaN for what is none, infinity for what no float reaches."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def at_least_one(name: str, value: int, most: int | None = None) -> int:

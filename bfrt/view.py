@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from bfrt.errors import SettingError
-from bfrt.framing import framing_camera
+from bfrt.framing import check_one, framing_camera
 from bfrt.illumination import AS_IT_IS, Illumination, LightAsked
 from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
 from bfrt.records import ON_REQUEST
 from bfrt.settings import at_least_one
-from bfrt.store.model import Camera
+from bfrt.store.model import MOST_PIXELS, Camera
 from bfrt.store.store import Store
 
 #: SPD's procedure: one ray at each pixel corner, five hits deep.
@@ -26,9 +26,6 @@ MOST_SAMPLES = (1 << 31) - 1
 
 #: Elements of a film have numbers of 32 bits.
 MOST_ELEMENTS = 1 << 32
-
-#: Pixels of a side of a picture.
-MOST_PIXELS = 65535
 
 #: What a caller asks for: a view, several of one size, or the scene's own.
 Cameras = Camera | Sequence[Camera] | None
@@ -166,6 +163,7 @@ def preview_camera(store: Store, pixels: int, camera: Camera | None) -> Camera:
     SettingError
         As `Views.of`; if `pixels` is out of range.
     """
+    check_one(camera)
     (view,) = Views.of(store, camera, None, 1, ()).cameras
     at_least_one("pixels", pixels, MOST_PIXELS)
     longer = max(view.resolution)

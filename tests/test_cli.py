@@ -310,7 +310,7 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
         (["render", "scene.nff", "-o", "x.png", "--resolution", "0x5"], 2, r"resolution \(0, 5\)"),
         (["render", "scene.nff", "-o", "x.png", "--resolution", "9", "65536"], 2, "1 to 65535"),
         (["render", "scene.nff", "-o", "x.png", "--angle", "0"], 2, "expected 0 < angle < 180"),
-        (["render", "scene.nff", "-o", "x.png", "--angle", "nan"], 2, "expected finite numbers"),
+        (["render", "scene.nff", "-o", "x.png", "--angle", "nan"], 2, "expected a finite number"),
         (["render", "scene.nff", "-o", "x.png", "--up", "0", "0", "0"], 2, "does not span a view"),
         (["render", "spd:tetra:2", "-o", "x.png", "--angle", "180"], 2, "angle 180, expected"),
         (["render", "scene.nff", "-o", "no/x.png"], 2, "no/x.png: found no folder .*no, expected"),

@@ -185,12 +185,17 @@ def test_lights_replace_those_of_the_scene(tmp_path):
     [
         ((math.nan, 0), "azimuth of a sun: found nan, expected a finite number"),
         ((math.inf, 0), "azimuth of a sun: found inf, expected a finite number"),
-        (("north", 0), "azimuth of a sun: found 'north', expected a number"),
+        (("north", 0), "azimuth of a sun: found 'north', expected a finite number"),
+        ((10**400, 0), f"azimuth of a sun: found {str(10**400)[:80]}, expected a finite number"),
+        ((1j, 0), "azimuth of a sun: found 1j, expected a finite number"),
+            (np.complex128(1), 0),
+            "azimuth of a sun: found np.complex128(1+0j), expected a finite number",
+        ),
         ((0, 91), "elevation of a sun: found 91, expected -90 to 90"),
         ((0, -90.5), "elevation of a sun: found -90.5, expected -90 to 90"),
         ((0, 45, (1, 1, 1), -1), "intensity of a sun: found -1, expected 0 or more"),
         ((0, 45, (1, 1)), "color of a sun: found (1, 1), expected three finite numbers"),
-        ((0, 45, (1, 1, 1), True), "intensity of a sun: found True, expected a number"),
+        ((0, 45, (1, 1, 1), True), "intensity of a sun: found True, expected a finite number"),
     ],
 )
 def test_what_is_no_sun(given, said):

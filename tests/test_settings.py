@@ -54,6 +54,12 @@ REFUSED_OF_A_VIEW = [
     ("samples", 1 << 31, "samples: found more than 2147483647, expected a number from 1 to that"),
     ("samples", 10**30, "samples: found more than 2147483647, expected a number from 1 to that"),
     ("camera", 3, "camera: found int, expected a Camera or None"),
+    ("ambient", 10**400, f"ambient: found {str(10**400)[:80]}, expected a number of 0 or more"),
+    (
+        "ambient",
+        np.complex64(1),
+        "ambient: found np.complex64(1+0j), expected a number of 0 or more",
+    ),
     ("aovs", 3, "aovs: found 3, expected a sequence of position, albedo"),
     ("aovs", None, "aovs: found None, expected a sequence of position, albedo"),
     ("depth", 0, f"depth: found 0, {NO_COUNT}"),

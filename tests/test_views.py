@@ -271,6 +271,8 @@ def test_the_views_of_a_turntable_go_round(scenes):
     assert bfrt.turntable(scene.path, 2)[0].resolution == (512, 512)
     with pytest.raises(SettingError, match="count: found 0, expected a whole number of 1 or more"):
         scene.turntable(0)
+    with pytest.raises(SettingError, match="count: found more than 65536, expected a number from"):
+        scene.turntable(10**400)
     with pytest.raises(SettingError, match="camera: found int, expected a Camera or None"):
         scene.turntable(3, 5)
 
