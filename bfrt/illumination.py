@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,10 @@ class LightAsked:
     ao: int = 0
     ao_distance: float | None = None
     background: Vector | None = None
+
+    def held(self) -> LightAsked:
+        """Return the same with lights that can be gone through again, for each view."""
+        return self if self.lights is None else replace(self, lights=lights_of(self.lights))
 
 
 #: Nothing: all is the scene's.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -125,6 +126,24 @@ class Settings:
     def scratch_beside(self, path: Path) -> Path:
         """Return the folder for spools: the one asked for, else one beside a path."""
         return scratch_folder(self.scratch, path)
+
+
+def chosen(name: str, given: Iterable[str], known: Collection[str]) -> tuple[str, ...]:
+    """Return which of the known names a caller asks for, in the order in which they are known.
+
+    Raises
+    ------
+    SettingError
+        For a name that there is not; if it is no sequence of names.
+    """
+    expected = f"a sequence of {', '.join(known)}"
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise SettingError(f"{name}: found {given!r:.80}, expected {expected}")
+    asked = tuple(given)
+    for each in asked:
+        if not isinstance(each, str) or each not in known:
+            raise SettingError(f"{name}: found {each!r:.80}, expected {expected}")
+    return tuple(each for each in known if each in asked)
 
 
 def number_of(value: object) -> float:

@@ -13,7 +13,7 @@ from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
 from bfrt.records import ON_REQUEST
-from bfrt.settings import at_least_one
+from bfrt.settings import at_least_one, chosen
 from bfrt.store.model import MOST_PIXELS, Camera
 from bfrt.store.store import Store
 
@@ -83,7 +83,7 @@ class Views:
             For the first that cannot be honoured; if there is no camera, and no object that one
             could frame.
         """
-        cameras = cameras_of(store, camera)
+        cameras, light = cameras_of(store, camera), light.held()
         made = cls(
             each=tuple(View(each, Illumination.of(store, each, light)) for each in cameras),
             samples=CORNERS if samples is None else at_least_one("samples", samples, MOST_SAMPLES),
@@ -184,12 +184,4 @@ def aovs_of(names: Sequence[str]) -> tuple[str, ...]:
     SettingError
         For a name that is none of them.
     """
-    if not isinstance(names, Iterable):
-        raise SettingError(
-            f"aovs: found {names!r:.80}, expected a sequence of {', '.join(ON_REQUEST)}"
-        )
-    unknown = [name for name in names if name not in ON_REQUEST]
-    if unknown or isinstance(names, str):
-        found = repr(names if isinstance(names, str) else unknown[0])
-        raise SettingError(f"aovs: found {found}, expected a sequence of {', '.join(ON_REQUEST)}")
-    return tuple(name for name in ON_REQUEST if name in names)
+    return chosen("aovs", names, ON_REQUEST)

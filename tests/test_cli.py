@@ -313,6 +313,7 @@ def test_a_bad_file_is_one_line_status_1_and_nothing_left(tmp_path, text, words)
         (["render", "scene.nff", "-o", "x.png", "--angle", "nan"], 2, "expected a finite number"),
         (["render", "scene.nff", "-o", "x.png", "--up", "0", "0", "0"], 2, "does not span a view"),
         (["render", "spd:tetra:2", "-o", "x.png", "--angle", "180"], 2, "angle 180, expected"),
+        (["render", "scene.nff", "-o", "x.png", "--half"], 2, "--half: found outputs x.png, expec"),
         (["render", "scene.nff", "-o", "no/x.png"], 2, "no/x.png: found no folder .*no, expected"),
         (["render", "scene.nff", "-o", "scene.nff/x.png"], 2, "found no folder .*scene.nff"),
         (["render", "scene.nff", "-o", "x.png", "-o", "no/x.exr"], 2, "no/x.exr: found no folder"),

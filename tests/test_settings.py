@@ -65,6 +65,7 @@ REFUSED_OF_A_VIEW = [
     ("depth", 0, f"depth: found 0, {NO_COUNT}"),
     ("depth", None, f"depth: found None, {NO_COUNT}"),
     ("aovs", "albedo", "aovs: found 'albedo', expected a sequence of position, albedo"),
+    ("aovs", [["albedo"]], "aovs: found ['albedo'], expected a sequence of position, albedo"),
     ("aovs", ["Q"], "aovs: found 'Q', expected a sequence of position, albedo"),
     ("lights", 3, "lights: found 3, expected a sequence of Light and Sun"),
     ("lights", "sun", "lights: found 'sun', expected a sequence of Light and Sun"),

@@ -110,6 +110,17 @@ def test_a_scene_without_lights_is_lit_for_each_view(unlit):
     same(unlit.render(camera=VIEWS, **SETTINGS), expected)
 
 
+def test_lights_and_channels_that_are_gone_through_once(unlit):
+    """As of a generator: all views have them."""
+    suns = [bfrt.Sun(40.0, 50.0), bfrt.Sun(200.0, 30.0)]
+    given = unlit.render(camera=VIEWS, lights=iter(suns), aovs=iter(AOVS), memory="160MiB")
+    expected = unlit.render(camera=VIEWS, lights=suns, aovs=AOVS, memory="160MiB")
+    for one, other in zip(given, expected, strict=True):
+        assert one.channels.keys() == other.channels.keys()
+        for name, channel in other.channels.items():
+            np.testing.assert_array_equal(one.channels[name], channel, err_msg=name)
+
+
 def test_a_sequence_of_one_is_a_list_of_one(scenes, alone):
     same(scenes["given"].render(camera=(VIEWS[0],), **SETTINGS), alone["given"][:1])
     same(bfrt.render(scenes["given"].path, camera=iter(VIEWS[:2]), **SETTINGS), alone["given"][:2])
