@@ -106,6 +106,8 @@ def test_a_picture_is_plotted_as_its_png(scene):
     np.testing.assert_array_equal(np.asarray(shown.get_array()), encode_srgb(image.rgb))
     np.testing.assert_array_equal(image.srgb(), encode_srgb(image.rgb))
     assert image.plot(axes) is axes and len(axes.images) == 2
+    with pytest.raises(SettingError, match="axes: found int, expected axes of matplotlib"):
+        image.plot(3)
     pyplot.close("all")
 
 
