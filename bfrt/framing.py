@@ -17,8 +17,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError
 from bfrt.settings import at_least_one
+from bfrt.store.given import triple_of
 from bfrt.store.model import Camera, Light, Vector, cross
 from bfrt.store.store import Store
 
@@ -147,8 +148,11 @@ def way_to_eye(up: Vector) -> Vector:
     ``front = x cross up``, or ``y cross up`` where `up` is along x more than y and z;
     ``right = up cross front``.
     """
-    above = unit(up)
-    if not all(math.isfinite(x) for x in above) or not any(above):
+    try:
+        above = unit(triple_of("up", up))
+    except SceneError as error:
+        raise SettingError(str(error)) from None
+    if not any(above):
         raise SettingError(f"up: found {up}, expected finite numbers that are not all zero")
     x, y, z = (abs(part) for part in above)
     aside = (0.0, 1.0, 0.0) if x > max(y, z) else (1.0, 0.0, 0.0)
