@@ -27,6 +27,7 @@ from shading import (
     unit,
 )
 
+import bfrt
 from bfrt import Camera, Light, Material, SceneError, Sun
 from bfrt.ids import stream_of
 from bfrt.phases.eye import EyeRays
@@ -158,6 +159,23 @@ def test_the_shadow_of_a_ball_has_its_radius(written, height, azimuth, elevation
     found = image.rgb[..., 0]
     certain = film(sure[..., None])[..., 0] == 1
     close(found[certain], film(expected[..., None])[..., 0][certain])
+
+
+@pytest.mark.parametrize("size", [1e120, 1e155, 1e200, 1.7e308])
+@pytest.mark.parametrize("refine", ["sgb", "tree"])
+def test_a_light_from_very_far_is_parallel(tmp_path, size, refine):
+    """As a sun is: it lights, and shadows have their places."""
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", order="spatial") as writer:
+        writer.spheres([[0.0, 0, 1], [3, 0, 1]], [1.0, 0.5])
+        writer.mesh([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]], [[0, 1, 2]])
+    settings = {"refine": refine, "memory": "160MiB", "ambient": 0.0}
+    camera = bfrt.Camera((1, -9, 9), (1, 0, 0), resolution=(40, 30))
+    scene = bfrt.open(tmp_path / "a.bfrt")
+    lamp = bfrt.Light((size, 0.0, size))
+    found = scene.render(camera=camera, lights=[lamp], **settings)
+    sun = scene.render(camera=camera, lights=[bfrt.Sun(90.0, 45.0)], **settings)
+    assert 0.1 < sun.rgb.mean() < 0.5
+    assert np.mean(np.abs(found.rgb - sun.rgb) > 1e-5) < 2e-3
 
 
 def test_suns_count_among_the_lights(written):
