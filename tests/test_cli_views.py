@@ -153,7 +153,8 @@ def test_views_of_two_sizes(run, tmp_path, scene, capsys):
     (tmp_path / "two.nff").write_text(block.format(9) + block.format(8))
     command = ["render", str(scene.path), "--views", "two.nff", "-o", "a{}.png", "--quiet"]
     assert main(command) == 2
-    assert "expected one resolution for all views" in capsys.readouterr().err
+    said = "two.nff: found views of (9, 9) and of (8, 8) pixels, expected one resolution for all"
+    assert said in capsys.readouterr().err
     assert run("--views", "two.nff", "-o", "a{}.png") == (0, "")
 
 
