@@ -17,10 +17,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from bfrt.errors import SettingError
+from bfrt.errors import SceneError, SettingError
 from bfrt.settings import at_least_one
+from bfrt.store.given import triple_of
 from bfrt.store.model import Camera, Light, Vector, cross
 from bfrt.store.store import Store
+
+#: Views of a turn at the most.
+MOST_VIEWS = 65536
 
 #: From the scene to the eye, in parts of right, front and up.
 TO_EYE = (1.0, 2.0, 1.0)
@@ -62,9 +66,8 @@ def framing_camera(
 
 def turntable(store: Store, count: int, camera: Camera | None = None) -> list[Camera]:
     """Return views around a store's bounds, as `bfrt.Scene.turntable` does."""
-    at_least_one("count", count)
-    if camera is not None and not isinstance(camera, Camera):
-        raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera or None")
+    at_least_one("count", count, MOST_VIEWS)
+    check_one(camera)
     first = camera or store.camera or framing_camera(store)
     center, _ = bounding_sphere(store)
     axis = unit(first.up)
@@ -81,6 +84,12 @@ def turntable(store: Store, count: int, camera: Camera | None = None) -> list[Ca
     angles = (2.0 * math.pi * number / count for number in range(1, count))
     others = ((turned(first.eye, angle), turned(first.at, angle)) for angle in angles)
     return [first, *(replace(first, eye=eye, at=at) for eye, at in others)]
+
+
+def check_one(camera: object) -> None:
+    """Refuse what is neither a camera nor None, as several cameras are."""
+    if camera is not None and not isinstance(camera, Camera):
+        raise SettingError(f"camera: found {type(camera).__name__}, expected a Camera or None")
 
 
 def framing_lights(store: Store, camera: Camera) -> list[Light]:
@@ -139,8 +148,11 @@ def way_to_eye(up: Vector) -> Vector:
     ``front = x cross up``, or ``y cross up`` where `up` is along x more than y and z;
     ``right = up cross front``.
     """
-    above = unit(up)
-    if not all(math.isfinite(x) for x in above) or not any(above):
+    try:
+        above = unit(triple_of("up", up))
+    except SceneError as error:
+        raise SettingError(str(error)) from None
+    if not any(above):
         raise SettingError(f"up: found {up}, expected finite numbers that are not all zero")
     x, y, z = (abs(part) for part in above)
     aside = (0.0, 1.0, 0.0) if x > max(y, z) else (1.0, 0.0, 0.0)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.framing import framing_lights
-from bfrt.settings import at_least_one
+from bfrt.settings import at_least_one, number_of
 from bfrt.store.given import triple_of
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store
@@ -42,6 +42,10 @@ class LightAsked:
     ao: int = 0
     ao_distance: float | None = None
     background: Vector | None = None
+
+    def held(self) -> LightAsked:
+        """Return the same with lights that can be gone through again, for each view."""
+        return self if self.lights is None else replace(self, lights=lights_of(self.lights))
 
 
 #: Nothing: all is the scene's.
@@ -147,9 +151,10 @@ def _light_of(given: Light | Sun) -> Light | Sun:
 
 def ambient_of(given: float) -> float:
     """Return the intensity of the ambient light that a caller gives."""
-    if not _is_number(given) or not 0.0 <= given < math.inf:
+    intensity = number_of(given)
+    if not 0.0 <= intensity < math.inf:
         raise SettingError(f"ambient: found {given!r:.80}, expected a number of 0 or more")
-    return float(given)
+    return intensity
 
 
 def occlusion_of(asked: LightAsked) -> tuple[int, float]:
@@ -163,11 +168,12 @@ def occlusion_of(asked: LightAsked) -> tuple[int, float]:
         return int(ao), math.inf
     if not ao:
         raise SettingError(f"ao_distance: found {distance!r:.80} without ao, which it is of")
-    if not _is_number(distance) or not distance >= LEAST_DISTANCE:
+    length = number_of(distance)
+    if not length >= LEAST_DISTANCE:
         raise SettingError(
             f"ao_distance: found {distance!r:.80}, expected a length of {LEAST_DISTANCE:g} or more"
         )
-    return int(ao), float(distance)
+    return int(ao), length
 
 
 def background_of(given: Vector) -> Vector:
@@ -176,7 +182,3 @@ def background_of(given: Vector) -> Vector:
         return triple_of("background", given)
     except SceneError as error:
         raise SettingError(str(error)) from None
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)

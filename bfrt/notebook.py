@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from bfrt.image.color_scale import ColorScale
 from bfrt.store.extent import Bounds
 from bfrt.store.store import Store
 
@@ -26,7 +27,6 @@ def html_of(store: Store) -> str:
         )
         for stream in store.streams
     ]
-    colors = (f"{c.name}: {c.lo:g} to {c.hi:g}, {c.colormap}" for c in store.colors)
     facts = [
         ("objects", f"{store.objects:,}"),
         ("bytes", f"{store.bytes:,}"),
@@ -34,7 +34,7 @@ def html_of(store: Store) -> str:
         ("camera", "its own" if store.camera else "none: it is framed"),
         ("lights", f"{len(store.lights):,}" if store.lights else "none: it is lit"),
         *([("reference system", store.crs)] if store.crs else []),
-        *(("colors", each) for each in colors),
+        *color_rows(store.colors),
     ]
     head = ("group", "kind", "objects", "dtype", "order", "bytes")
     return f"<b>{escape(str(store.path))}</b>{table(facts)}{table([head, *streams])}"
@@ -48,6 +48,11 @@ def bounds_rows(bounds: Bounds) -> Rows:
         (name, " ".join(f"{float(x):.12g}" for x in corner))
         for name, corner in (("least", bounds.lo), ("greatest", bounds.hi))
     ]
+
+
+def color_rows(colors: Iterable[ColorScale]) -> Rows:
+    """Return a row for each scale of colors."""
+    return [("colors", f"{c.name}: {c.lo:g} to {c.hi:g}, {c.colormap}") for c in colors]
 
 
 def table(rows: Iterable[tuple[str, ...]]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import update_wrapper
 from inspect import signature
 from pathlib import Path
@@ -33,19 +33,16 @@ from bfrt.records import Kind
 from bfrt.refusals import in_memory
 from bfrt.rendering import pictures_of
 from bfrt.session import Divide, Session
-from bfrt.settings import FINEST, TREE, Settings, at_least_one
+from bfrt.settings import FINEST, TREE, Settings
 from bfrt.shards.store import open_any
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.store import Store
 from bfrt.store.sun import Sun
 from bfrt.tracing import tracer_of
-from bfrt.view import DEPTH, Cameras, Views, asked_for
+from bfrt.view import DEPTH, Cameras, Views, asked_for, preview_camera
 
 PathLike = str | os.PathLike[str]
-
-#: Pixels of a side of a picture.
-MOST_PIXELS = 65535
 
 #: A ``dask.distributed.Client``, True for the current one, or None for none.
 Client = Any
@@ -316,11 +313,7 @@ class Scene:
         SettingError, BudgetError, StoreError, StreamError
             As for `render`.
         """
-        (view,) = Views.of(self.store, camera, None, 1, ()).cameras
-        longer = max(view.resolution)
-        at_least_one("pixels", pixels, MOST_PIXELS)
-        width, height = (max(1, round(side * pixels / longer)) for side in view.resolution)
-        return self.render(camera=replace(view, resolution=(width, height)), depth=1)
+        return self.render(camera=preview_camera(self.store, pixels, camera), depth=1)
 
     def turntable(self, count: int, camera: Camera | None = None) -> list[Camera]:
         """Return views around the scene: a camera that is turned about the center of the bounds.
@@ -330,7 +323,7 @@ class Scene:
         Parameters
         ----------
         count : int
-            Views of a whole turn, 1 or more.
+            Views of a whole turn, 1 to 65536.
         camera : Camera, optional
             The first of them. By default as of `render`.
 

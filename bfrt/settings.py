@@ -5,8 +5,10 @@ None of them changes an answer or a picture.
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -124,6 +126,34 @@ class Settings:
     def scratch_beside(self, path: Path) -> Path:
         """Return the folder for spools: the one asked for, else one beside a path."""
         return scratch_folder(self.scratch, path)
+
+
+def chosen(name: str, given: Iterable[str], known: Collection[str]) -> tuple[str, ...]:
+    """Return which of the known names a caller asks for, in the order in which they are known.
+
+    Raises
+    ------
+    SettingError
+        For a name that there is not; if it is no sequence of names.
+    """
+    expected = f"a sequence of {', '.join(known)}"
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise SettingError(f"{name}: found {given!r:.80}, expected {expected}")
+    asked = tuple(given)
+    for each in asked:
+        if not isinstance(each, str) or each not in known:
+            raise SettingError(f"{name}: found {each!r:.80}, expected {expected}")
+    return tuple(each for each in known if each in asked)
+
+
+def number_of(value: object) -> float:
+    """Return a real number as a float: NaN for what is none, infinity for what no float reaches."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def at_least_one(name: str, value: int, most: int | None = None) -> int:

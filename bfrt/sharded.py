@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from html import escape
 from pathlib import Path
 from typing import Any, overload
@@ -15,9 +16,10 @@ from bfrt.errors import SettingError
 from bfrt.framing import turntable
 from bfrt.ids import kind_of
 from bfrt.illumination import LightAsked
+from bfrt.image.color_scale import ColorScale
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
-from bfrt.notebook import bounds_rows, table
+from bfrt.notebook import bounds_rows, color_rows, table
 from bfrt.paths import path_of
 from bfrt.progress import Report, reporting
 from bfrt.refusals import in_memory
@@ -28,7 +30,7 @@ from bfrt.shards.manifest import SUFFIX, Manifest
 from bfrt.store.extent import Bounds
 from bfrt.store.model import Camera, Light, Vector
 from bfrt.store.sun import Sun
-from bfrt.view import DEPTH, Cameras, Views, asked_for
+from bfrt.view import DEPTH, Cameras, Views, asked_for, preview_camera
 
 
 class ShardedScene:
@@ -63,7 +65,7 @@ class ShardedScene:
         shards = len(self._manifest.shards)
         facts = [("objects", f"{self.objects:,}"), ("shards", f"{shards:,}")]
         workers = [(name, f"{len(own):,} shards") for name, own in self.workers.items()]
-        shown = [*facts, *bounds_rows(self.bounds), *workers]
+        shown = [*facts, *bounds_rows(self.bounds), *color_rows(self.colors), *workers]
         return f"<b>{escape(str(self.path))}</b>{table(shown)}"
 
     @property
@@ -102,6 +104,11 @@ class ShardedScene:
         return self._manifest.camera
 
     @property
+    def colors(self) -> tuple[ColorScale, ...]:
+        """Return what colors say that a map has made of numbers, as `Scene.colors`."""
+        return self._wavefront.colors
+
+    @property
     def lights(self) -> list[Light]:
         """Return the scene's own lights."""
         return list(self._manifest.lights)
@@ -115,6 +122,11 @@ class ShardedScene:
     def workers(self) -> dict[str, tuple[int, ...]]:
         """Return the shards, by their places in the file, that each worker answers for."""
         return {each.workers[0]: each.numbers for each in self._wavefront.carriers}
+
+    def preview(self, pixels: int = 256, camera: Camera | None = None) -> Image:
+        """Render a small picture of the scene where its shards are, as `Scene.preview`."""
+        view = preview_camera(self._wavefront.store, pixels, camera)
+        return self.render(camera=view, depth=1)
 
     def turntable(self, count: int, camera: Camera | None = None) -> list[Camera]:
         """Return views around the scene, as `Scene.turntable`."""
@@ -241,6 +253,8 @@ class ShardedScene:
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
         *,
+        outputs: Sequence[str] = (),
+        side: str = "incoming",
         out: queries.Out | None = None,
         progress: bool | Report = False,
         memory: str | int | None = None,
@@ -254,7 +268,7 @@ class ShardedScene:
 
         Parameters
         ----------
-        origins, directions, t_min, t_max, out, progress
+        origins, directions, t_min, t_max, outputs, side, out, progress
             As for `Scene.cast_rays`; rays are arrays or files, since blocks do not tell how many.
         memory, threads : optional
             Each worker's; by default a quarter of its limit, and all its threads.
@@ -275,7 +289,8 @@ class ShardedScene:
         """
         asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
         rays = (origins, directions, t_min, t_max, out)
-        return self._answer(wavefront.NEAREST, rays, progress, asked, refine)
+        wanted = wavefront.nearest(queries.Extras.of(outputs, side))
+        return self._answer(wanted, rays, progress, asked, refine)
 
     def occluded(
         self,
@@ -396,6 +411,87 @@ class ShardedScene:
         rays = (origins, directions, t_min, t_max, out)
         return self._answer(wavefront.ALL, rays, progress, asked, refine)
 
+    def visibility(
+        self,
+        points: queries.Points,
+        normals: queries.Points | None = None,
+        rays: int = 64,
+        distance: float = np.inf,
+        *,
+        cosine: bool = False,
+        out: queries.Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+    ) -> queries.Answer:
+        """Find which part of what is around each point is open: ambient occlusion, sky view.
+
+        Parameters
+        ----------
+        points, normals, rays, distance, cosine, out, progress
+            As for `Scene.visibility`; points are arrays or files.
+        memory, threads, refine, grid, max_grid, scratch
+            As for `cast_rays`.
+
+        Returns
+        -------
+        Answer
+            As `Scene.visibility`, with ``stats`` as of `cast_rays`.
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+            As for `Scene.visibility`; those of a shard or of a budget name the worker.
+        """
+        query = queries.visibility_of(
+            rays, distance, around_normals=normals is not None, cosine=cosine
+        )
+        asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
+        with self._asking(progress) as report:
+            question = queries.PointQuestion(points, normals, out, report)
+            return self._wavefront.answer_points(query, question, asked, refine)
+
+    def contains(
+        self,
+        points: queries.Points,
+        *,
+        out: queries.Out | None = None,
+        progress: bool | Report = False,
+        memory: str | int | None = None,
+        threads: int | None = None,
+        refine: str | None = None,
+        grid: int | None = None,
+        max_grid: int | None = None,
+        scratch: PathLike | None = None,
+    ) -> queries.Answer:
+        """Find which points are inside of what is closed: meshes and spheres.
+
+        Parameters
+        ----------
+        points, out, progress
+            As for `Scene.contains`; points are arrays or files.
+        memory, threads, refine, grid, max_grid, scratch
+            As for `cast_rays`.
+
+        Returns
+        -------
+        Answer
+            As `Scene.contains`, with ``stats`` as of `cast_rays`.
+
+        Raises
+        ------
+        SettingError, BudgetError, StoreError, StreamError, DiskFullError, Cancelled
+            As for `Scene.contains`; those of a shard or of a budget name the worker.
+        """
+        asked = asked_of(memory, threads, refine, grid, max_grid, scratch)
+        with self._asking(progress) as report:
+            question = queries.PointQuestion(points, None, out, report)
+            return self._wavefront.answer_points(queries.CONTAINS, question, asked, refine)
+
     def _answer(
         self,
         wanted: wavefront.Wanted,
@@ -404,9 +500,15 @@ class ShardedScene:
         asked: cluster.Asked,
         refine: str | None,
     ) -> queries.Answer:
-        with reporting(progress) as report:
+        with self._asking(progress) as report:
             question = queries.Question(*rays, report)
             return self._wavefront.answer(wanted, question, asked, refine)
+
+    @contextmanager
+    def _asking(self, progress: bool | Report) -> Iterator[Report]:
+        """Yield what is told of a query's progress; name a lack of memory by what is done."""
+        with reporting(progress) as report, in_memory(f"{self.path}: tracing rays"):
+            yield report
 
 
 def asked_of(

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from bfrt.errors import SettingError
-from bfrt.framing import framing_camera
+from bfrt.framing import check_one, framing_camera
 from bfrt.illumination import AS_IT_IS, Illumination, LightAsked
 from bfrt.image.frame import FrameSize
 from bfrt.image.picture import Image
 from bfrt.image.pictures import Images
 from bfrt.records import ON_REQUEST
-from bfrt.settings import at_least_one
-from bfrt.store.model import Camera
+from bfrt.settings import at_least_one, chosen
+from bfrt.store.model import MOST_PIXELS, Camera
 from bfrt.store.store import Store
 
 #: SPD's procedure: one ray at each pixel corner, five hits deep.
@@ -23,7 +23,6 @@ DEPTH = 5
 
 #: Samples of a pixel have numbers of 31 bits.
 MOST_SAMPLES = (1 << 31) - 1
-
 
 #: Elements of a film have numbers of 32 bits.
 MOST_ELEMENTS = 1 << 32
@@ -84,7 +83,7 @@ class Views:
             For the first that cannot be honoured; if there is no camera, and no object that one
             could frame.
         """
-        cameras = cameras_of(store, camera)
+        cameras, light = cameras_of(store, camera), light.held()
         made = cls(
             each=tuple(View(each, Illumination.of(store, each, light)) for each in cameras),
             samples=CORNERS if samples is None else at_least_one("samples", samples, MOST_SAMPLES),
@@ -156,6 +155,22 @@ def cameras_of(store: Store, asked: Cameras) -> tuple[Camera, ...]:
     return cameras
 
 
+def preview_camera(store: Store, pixels: int, camera: Camera | None) -> Camera:
+    """Return the view of a preview, as `Scene.preview` tells.
+
+    Raises
+    ------
+    SettingError
+        As `Views.of`; if `pixels` is out of range.
+    """
+    check_one(camera)
+    (view,) = Views.of(store, camera, None, 1, ()).cameras
+    at_least_one("pixels", pixels, MOST_PIXELS)
+    longer = max(view.resolution)
+    width, height = (max(1, round(side * pixels / longer)) for side in view.resolution)
+    return replace(view, resolution=(width, height))
+
+
 def asked_for(images: Images, asked: Cameras) -> Image | Images:
     """Return what a caller has asked for: the picture of one view, or those of several."""
     return images[0] if asked is None or isinstance(asked, Camera) else images
@@ -169,12 +184,4 @@ def aovs_of(names: Sequence[str]) -> tuple[str, ...]:
     SettingError
         For a name that is none of them.
     """
-    if not isinstance(names, Iterable):
-        raise SettingError(
-            f"aovs: found {names!r:.80}, expected a sequence of {', '.join(ON_REQUEST)}"
-        )
-    unknown = [name for name in names if name not in ON_REQUEST]
-    if unknown or isinstance(names, str):
-        found = repr(names if isinstance(names, str) else unknown[0])
-        raise SettingError(f"aovs: found {found}, expected a sequence of {', '.join(ON_REQUEST)}")
-    return tuple(name for name in ON_REQUEST if name in names)
+    return chosen("aovs", names, ON_REQUEST)

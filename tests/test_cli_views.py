@@ -96,7 +96,7 @@ def test_views_of_a_file(run, scene, tmp_path):
         ("v\nfrom 1 2\n", ":2: from: found 2 numbers, expected 3 numbers once"),
         ("v\nup 0 0 1\nup 0 0 1\n", ":3: up: found it twice, expected 3 numbers once"),
         ("0 0 0 0 0 0 0 0 1 45\n", ":1: camera: from (0.0, 0.0, 0.0) at (0.0, 0.0, 0.0)"),
-        ("0 0 0 0 1 0 0 0 1 nan\n", ":1: camera: found ("),
+        ("0 0 0 0 1 0 0 0 1 nan\n", ":1: camera: found angle nan, expected"),
         (
             "v\nfrom 1 2 3\nat 0 0 0\nup 0 0 1\nangle 4\nresolution 2.5 1e9\n",
             ":1: camera: found resolution (2.5, 1000000000.0), expected 1 to 65535",
@@ -153,7 +153,8 @@ def test_views_of_two_sizes(run, tmp_path, scene, capsys):
     (tmp_path / "two.nff").write_text(block.format(9) + block.format(8))
     command = ["render", str(scene.path), "--views", "two.nff", "-o", "a{}.png", "--quiet"]
     assert main(command) == 2
-    assert "expected one resolution for all views" in capsys.readouterr().err
+    said = "two.nff: found views of (9, 9) and of (8, 8) pixels, expected one resolution for all"
+    assert said in capsys.readouterr().err
     assert run("--views", "two.nff", "-o", "a{}.png") == (0, "")
 
 

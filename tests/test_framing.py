@@ -163,7 +163,10 @@ def test_what_cannot_be_framed_is_refused(store, empty):
         camera = bfrt.framing_camera(nothing, eye=(0.0, -5.0, 0.0), at=(0.0, 0.0, 0.0))
         assert camera.eye == (0.0, -5.0, 0.0)  # there is no need of bounds
     for up in ((0, 0, 0), (math.nan, 0, 1), (0, math.inf, 0), (0, 0, -math.inf), (0, math.nan, 0)):
-        with pytest.raises(bfrt.SettingError, match=r"up: found \(.*, expected finite numbers"):
+        with pytest.raises(bfrt.SettingError, match=r"up: found \(.*, expected .*finite numbers"):
+            framing_camera(store, up=up)
+    for up in ("abc", None, (1, 2), 3, ("0", "0", "1"), (10**400, 0, 0)):
+        with pytest.raises(bfrt.SettingError, match=r"^up: found .*, expected "):
             framing_camera(store, up=up)
     for angle in (0.0, 180.0, math.nan):
         with pytest.raises(bfrt.SceneError, match=r"camera: found .*, expected"):

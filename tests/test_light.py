@@ -27,6 +27,7 @@ from shading import (
     unit,
 )
 
+import bfrt
 from bfrt import Camera, Light, Material, SceneError, Sun
 from bfrt.ids import stream_of
 from bfrt.phases.eye import EyeRays
@@ -160,6 +161,23 @@ def test_the_shadow_of_a_ball_has_its_radius(written, height, azimuth, elevation
     close(found[certain], film(expected[..., None])[..., 0][certain])
 
 
+@pytest.mark.parametrize("size", [1e120, 1e155, 1e200, 1.7e308])
+@pytest.mark.parametrize("refine", ["sgb", "tree"])
+def test_a_light_from_very_far_is_parallel(tmp_path, size, refine):
+    """As a sun is: it lights, and shadows have their places."""
+    with bfrt.SceneWriter(tmp_path / "a.bfrt", order="spatial") as writer:
+        writer.spheres([[0.0, 0, 1], [3, 0, 1]], [1.0, 0.5])
+        writer.mesh([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]], [[0, 1, 2]])
+    settings = {"refine": refine, "memory": "160MiB", "ambient": 0.0}
+    camera = bfrt.Camera((1, -9, 9), (1, 0, 0), resolution=(40, 30))
+    scene = bfrt.open(tmp_path / "a.bfrt")
+    lamp = bfrt.Light((size, 0.0, size))
+    found = scene.render(camera=camera, lights=[lamp], **settings)
+    sun = scene.render(camera=camera, lights=[bfrt.Sun(90.0, 45.0)], **settings)
+    assert 0.1 < sun.rgb.mean() < 0.5
+    assert np.mean(np.abs(found.rgb - sun.rgb) > 1e-5) < 2e-3
+
+
 def test_suns_count_among_the_lights(written):
     scene = written([floor(0, 50, WHITE)])
     for count in (1, 2, 3, 4):
@@ -185,12 +203,14 @@ def test_lights_replace_those_of_the_scene(tmp_path):
     [
         ((math.nan, 0), "azimuth of a sun: found nan, expected a finite number"),
         ((math.inf, 0), "azimuth of a sun: found inf, expected a finite number"),
-        (("north", 0), "azimuth of a sun: found 'north', expected a number"),
+        (("north", 0), "azimuth of a sun: found 'north', expected a finite number"),
+        ((10**400, 0), f"azimuth of a sun: found {str(10**400)[:80]}, expected a finite number"),
+        ((1j, 0), "azimuth of a sun: found 1j, expected a finite number"),
         ((0, 91), "elevation of a sun: found 91, expected -90 to 90"),
         ((0, -90.5), "elevation of a sun: found -90.5, expected -90 to 90"),
         ((0, 45, (1, 1, 1), -1), "intensity of a sun: found -1, expected 0 or more"),
         ((0, 45, (1, 1)), "color of a sun: found (1, 1), expected three finite numbers"),
-        ((0, 45, (1, 1, 1), True), "intensity of a sun: found True, expected a number"),
+        ((0, 45, (1, 1, 1), True), "intensity of a sun: found True, expected a finite number"),
     ],
 )
 def test_what_is_no_sun(given, said):

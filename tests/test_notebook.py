@@ -86,6 +86,8 @@ def test_a_preview_is_small(scene, pixels, size):
 def test_a_preview_of_a_view(scene):
     camera = bfrt.Camera((0, 9, 1), (0, 0, 0), resolution=(50, 100))
     assert scene.preview(40, camera).shape == (40, 20)
+    with pytest.raises(SettingError, match="camera: found list, expected a Camera or None"):
+        scene.preview(40, [camera, camera])
     for pixels in (0, 65536, 2.5):
         with pytest.raises(SettingError, match="pixels: found"):
             scene.preview(pixels)
@@ -104,6 +106,8 @@ def test_a_picture_is_plotted_as_its_png(scene):
     np.testing.assert_array_equal(np.asarray(shown.get_array()), encode_srgb(image.rgb))
     np.testing.assert_array_equal(image.srgb(), encode_srgb(image.rgb))
     assert image.plot(axes) is axes and len(axes.images) == 2
+    with pytest.raises(SettingError, match="axes: found int, expected axes of matplotlib"):
+        image.plot(3)
     pyplot.close("all")
 
 
@@ -118,6 +122,8 @@ def test_a_plot_without_matplotlib(scene, monkeypatch):
 def test_several_pictures_show_themselves(scene):
     views = scene.turntable(2, replace(scene.camera, resolution=(6, 4)))
     images = scene.render(camera=views, **SMALL)
+    assert images[:1]._repr_html_() in images._repr_html_()
+    assert images[-1] is images[1] and images[::2].stats is images.stats
     found = re.findall(r'<img src="data:image/png;base64,([^"]*)">', images._repr_html_())
     assert [base64.b64decode(each) for each in found] == [image._repr_png_() for image in images]
 

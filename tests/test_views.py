@@ -110,6 +110,17 @@ def test_a_scene_without_lights_is_lit_for_each_view(unlit):
     same(unlit.render(camera=VIEWS, **SETTINGS), expected)
 
 
+def test_lights_and_channels_that_are_gone_through_once(unlit):
+    """As of a generator: all views have them."""
+    suns = [bfrt.Sun(40.0, 50.0), bfrt.Sun(200.0, 30.0)]
+    given = unlit.render(camera=VIEWS, lights=iter(suns), aovs=iter(AOVS), memory="160MiB")
+    expected = unlit.render(camera=VIEWS, lights=suns, aovs=AOVS, memory="160MiB")
+    for one, other in zip(given, expected, strict=True):
+        assert one.channels.keys() == other.channels.keys()
+        for name, channel in other.channels.items():
+            np.testing.assert_array_equal(one.channels[name], channel, err_msg=name)
+
+
 def test_a_sequence_of_one_is_a_list_of_one(scenes, alone):
     same(scenes["given"].render(camera=(VIEWS[0],), **SETTINGS), alone["given"][:1])
     same(bfrt.render(scenes["given"].path, camera=iter(VIEWS[:2]), **SETTINGS), alone["given"][:2])
@@ -271,6 +282,8 @@ def test_the_views_of_a_turntable_go_round(scenes):
     assert bfrt.turntable(scene.path, 2)[0].resolution == (512, 512)
     with pytest.raises(SettingError, match="count: found 0, expected a whole number of 1 or more"):
         scene.turntable(0)
+    with pytest.raises(SettingError, match="count: found more than 65536, expected a number from"):
+        scene.turntable(10**400)
     with pytest.raises(SettingError, match="camera: found int, expected a Camera or None"):
         scene.turntable(3, 5)
 

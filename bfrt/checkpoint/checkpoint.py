@@ -20,6 +20,7 @@ from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
 from bfrt.errors import BfrtError, CheckpointError, SettingError, StreamError
 from bfrt.paths import check_folder
 from bfrt.refusals import calling, give_up, refused
+from bfrt.settings import number_of
 from bfrt.store.header import Check
 from bfrt.streams.atomic_write import sync_folder
 from bfrt.streams.ownership import own_folder
@@ -72,12 +73,12 @@ class Checkpoint:
     def __init__(
         self, folder: str | os.PathLike[str], every: float = EVERY, each: float = ASSUMED_EACH
     ) -> None:
-        number = isinstance(every, (int, float)) and not isinstance(every, bool)
-        if not number or not math.isfinite(every) or every < 0:
+        seconds = number_of(every)
+        if not 0.0 <= seconds < math.inf:
             raise SettingError(f"every: found {every!r:.80}, expected seconds, 0 or more")
         self.folder = check_folder("checkpoint", folder, ())
         self.found: SavedState | None = None
-        self._pace = Pace(float(every), each)
+        self._pace = Pace(seconds, each)
         self._identity: Identity = {}
         self._number = 0
         self._lock = -1

@@ -227,8 +227,10 @@ def check_outputs(options: argparse.Namespace, aovs: tuple[str, ...]) -> None:
         if not named:
             raise SettingError("--color-bar: found no -o FILE.png, expected one for it")
         check_bar(named[0])
-    if aovs and not any(output.lower().endswith(".exr") for output in outputs):
-        raise SettingError(f"--aov: found outputs {', '.join(outputs)}, expected an .exr for it")
+    for flag, asked in (("aov", aovs), ("half", options.half)):
+        if asked and not any(output.lower().endswith(".exr") for output in outputs):
+            found = ", ".join(outputs)
+            raise SettingError(f"--{flag}: found outputs {found}, expected an .exr for it")
     for file in (*outputs, *stats):
         check_file(file)
     kept = [] if options.checkpoint is None else [options.checkpoint]

@@ -68,6 +68,12 @@ def listed_views(options: argparse.Namespace, store: Store) -> list[Camera]:
     own = Camera.resolution if store.camera is None else store.camera.resolution
     cameras = read_views(options.views, own)
     if options.resolution is None:
+        sizes = list(dict.fromkeys(camera.resolution for camera in cameras))
+        if len(sizes) > 1:
+            raise SettingError(
+                f"{options.views}: found views of {sizes[0]} and of {sizes[1]} pixels, expected "
+                "one resolution for all, or --resolution"
+            )
         return cameras
     try:
         return [replace(camera, resolution=tuple(options.resolution)) for camera in cameras]

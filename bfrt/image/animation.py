@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from bfrt.errors import SettingError
 from bfrt.image.picture import Image
 from bfrt.image.png import SIGNATURE, chunk, deflated, header, pieces, scanlines
+from bfrt.paths import path_of
 from bfrt.streams.atomic_write import write_parts
 
 SUFFIXES = (".gif", ".png")
@@ -37,7 +38,7 @@ def check_animation(path: str | os.PathLike[str]) -> None:
     SettingError
         If it could not.
     """
-    suffix = Path(path).suffix.lower()
+    suffix = path_of("image", path).suffix.lower()
     if suffix not in SUFFIXES:
         raise SettingError(
             f"{os.fspath(path)}: found suffix {suffix!r} of an animation, expected "

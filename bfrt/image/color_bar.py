@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -55,15 +56,35 @@ def check_height(height: int) -> None:
         raise SettingError(f"color_bar: found {height} rows, expected {LEAST} or more for numbers")
 
 
+def check_scale(scale: object) -> None:
+    """Refuse what is no scale of colors, or has no range.
+
+    Raises
+    ------
+    SettingError
+        If it is such.
+    """
+    if not isinstance(scale, ColorScale):
+        raise SettingError(
+            f"color_bar: found {type(scale).__name__}, expected a ColorScale, as scene.colors[0]"
+        )
+    if not -math.inf < scale.lo <= scale.hi < math.inf or (scale.log and scale.lo <= 0.0):
+        raise SettingError(
+            f"color_bar: found a range from {scale.lo!r:.40} to {scale.hi!r:.40}, expected finite "
+            f"numbers, the lesser first{', above 0' if scale.log else ''}"
+        )
+
+
 def bar_of(scale: ColorScale, height: int) -> NDArray[np.float32]:
     """Return a color bar, (height, WIDTH, 3), linear: white, its numbers at the right.
 
     Raises
     ------
     SettingError
-        If the picture is too low for numbers.
+        If the picture is too low for numbers, or the scale is none.
     """
     check_height(height)
+    check_scale(scale)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -201,7 +201,7 @@ class Image:
         Raises
         ------
         SettingError
-            If matplotlib is not installed.
+            If matplotlib is not installed, or `axes` are none of its.
         """
         try:
             from matplotlib import pyplot
@@ -209,6 +209,8 @@ class Image:
             raise SettingError(
                 "image: a plot needs matplotlib: pip install bfrt[colormaps]"
             ) from None
+        if axes is not None and not hasattr(axes, "imshow"):
+            raise SettingError(f"axes: found {type(axes).__name__}, expected axes of matplotlib")
         axes = pyplot.subplots()[1] if axes is None else axes
         axes.imshow(self.srgb(), interpolation="none")
         axes.set_axis_off()

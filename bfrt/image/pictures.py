@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, SupportsIndex, overload
 
 from bfrt.errors import SettingError, StreamError
 from bfrt.image.animation import check_animation, write_animation
@@ -18,6 +18,7 @@ from bfrt.image.picture import Image, check_suffix
 from bfrt.image.sheet import check_sheet, write_sheet
 from bfrt.paths import check_apart, check_file
 from bfrt.refusals import in_memory
+from bfrt.settings import at_least_one, number_of
 from bfrt.stats import Stats
 from bfrt.streams.atomic_write import staged_paths
 
@@ -25,6 +26,10 @@ PathLike = str | os.PathLike[str]
 
 #: Seconds that a picture of an animation is seen.
 SECONDS = 0.1
+
+#: Pictures in a row of a contact sheet at the most, and pixels of a row of any PNG.
+MOST_COLUMNS = 65536
+MOST_WIDTH = (1 << 31) - 1
 
 
 class Output(NamedTuple):
@@ -42,6 +47,16 @@ class Images(list[Image]):
     stats : bfrt.stats.Stats, optional
         The counters of the render, of all views together.
     """
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Image: ...
+    @overload
+    def __getitem__(self, index: slice) -> Images: ...
+    def __getitem__(self, index: SupportsIndex | slice) -> Image | Images:
+        """Return a picture; of a slice some, which are saved as all are."""
+        if isinstance(index, slice):
+            return Images(super().__getitem__(index))
+        return super().__getitem__(index)
 
     @property
     def stats(self) -> Stats | None:
@@ -82,7 +97,7 @@ class Images(list[Image]):
         path : path-like
             A ``.png``.
         columns : int, optional
-            Pictures in a row; by default about as many as there are rows.
+            Pictures in a row, up to 65536; by default about as many as there are rows.
 
         Raises
         ------
@@ -123,18 +138,20 @@ class Images(list[Image]):
         """Return the file that `save_sheet` writes."""
         self._check()
         check_sheet(path)
-        columns = math.ceil(math.sqrt(len(self))) if columns is None else columns
-        if isinstance(columns, bool) or not isinstance(columns, int) or columns < 1:
-            raise SettingError(f"columns: found {columns!r}, expected a whole number of 1 or more")
-        return Output(os.fspath(path), lambda file: write_sheet(file, self, columns))
+        if columns is None:
+            columns = math.ceil(math.sqrt(len(self)))
+        most = min(MOST_COLUMNS, MOST_WIDTH // self[0].width)
+        wide = at_least_one("columns", columns, most)
+        return Output(os.fspath(path), lambda file: write_sheet(file, self, wide))
 
     def animation(self, path: PathLike, seconds: float = SECONDS) -> Output:
         """Return the file that `save_animation` writes."""
         self._check()
         check_animation(path)
-        if not 0.01 <= seconds <= 60.0:
+        shown = number_of(seconds)
+        if not 0.01 <= shown <= 60.0:
             raise SettingError(f"seconds: found {seconds!r:.40}, expected 0.01 to 60")
-        return Output(os.fspath(path), lambda file: write_animation(file, self, seconds))
+        return Output(os.fspath(path), lambda file: write_animation(file, self, shown))
 
     def _check(self) -> None:
         if not self or {image.shape for image in self} != {self[0].shape}:

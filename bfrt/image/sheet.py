@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from bfrt.errors import SettingError
 from bfrt.image.picture import BAND_BYTES, Image
 from bfrt.image.png import write_png
+from bfrt.paths import path_of
 
 Rows = Mapping[str, NDArray[Any]]
 
@@ -26,7 +26,7 @@ def check_sheet(path: str | os.PathLike[str]) -> None:
     SettingError
         If it is another than ``.png``.
     """
-    suffix = Path(path).suffix.lower()
+    suffix = path_of("image", path).suffix.lower()
     if suffix != ".png":
         raise SettingError(
             f"{os.fspath(path)}: found suffix {suffix!r} of a contact sheet, expected .png"

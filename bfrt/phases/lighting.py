@@ -16,6 +16,9 @@ from bfrt.store.sun import Sun
 #: Of the diagonal of the scene's bounds: from any place of the scene this is beyond all of it.
 BEYOND = 2.0
 
+#: From farther away light is parallel as a sun's: squares of such lengths are no numbers any more.
+FAR = 2.0**500
+
 
 class Lighting(NamedTuple):
     """Holds lights and ambient light.
@@ -62,7 +65,12 @@ def _place_of(light: Light | Sun, store: Store, beyond: float) -> tuple[float, .
     """Return x, y, z and w of a light."""
     if isinstance(light, Sun):
         return (*(beyond * np.array(light.direction)), 0.0)
-    return (*(np.array(light.position) - np.array(store.origin)), 1.0)
+    place = np.array(light.position) - np.array(store.origin)
+    size = float(np.abs(place).max())
+    if size > FAR:
+        way = place / size
+        return (*(beyond / float(np.sqrt(way @ way)) * way), 0.0)
+    return (*place, 1.0)
 
 
 def _strength_of(light: Light | Sun) -> tuple[float, ...]:

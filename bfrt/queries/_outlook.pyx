@@ -5,7 +5,7 @@ from libc.math cimport sqrt
 from libc.stdint cimport int64_t, uint64_t
 
 from bfrt.geometry.departure cimport place_error, world_error
-from bfrt.geometry.far cimport Bounds, bounds_of
+from bfrt.geometry.far cimport Bounds, bounds_of, scale_extreme
 from bfrt.geometry.vector cimport Vec, add, along, scale, sub, unit, vec
 from bfrt.phases.hashing cimport mixed, uniform
 
@@ -133,7 +133,9 @@ cdef class Outlook:
             for i in range(points.shape[0]):
                 p = vec(points[i, 0], points[i, 1], points[i, 2])
                 if self.spread != AROUND:
-                    n = unit(vec(normals[i, 0], normals[i, 1], normals[i, 2]))
+                    n = vec(normals[i, 0], normals[i, 1], normals[i, 2])
+                    scale_extreme(&n)
+                    n = unit(n)
                     error = place_error(sub(p, self.origin), &self.bounds) + world_error(p)
                     p = along(p, n, error)
                 self.look(<uint64_t>(first + i), p, n, &origins[i * each, 0],

@@ -162,10 +162,11 @@ def hit_columns(block: Block) -> dict[str, Block]:
     }
 
 
-def _missed() -> Block:
+def record_of_miss(extras: Extras = NO_EXTRAS) -> Block:
+    """Return the record of a miss, (1,) of SURFACE with the fields of `extras`."""
     record = np.zeros(1, SURFACE)
     record["t"], record["key"] = np.inf, NO_HIT
-    return record
+    return extras.missed(record)
 
 
 def nearest(extras: Extras = NO_EXTRAS) -> RowPerRay:
@@ -173,7 +174,7 @@ def nearest(extras: Extras = NO_EXTRAS) -> RowPerRay:
     return RowPerRay(
         RayKind.EYE,
         {**HIT_FIELDS, **extras.fields},
-        extras.missed(_missed()),
+        record_of_miss(extras),
         partial(_nearest, extras=extras),
         hit_columns,
         lambda caster, rays, columns: caster.nearest(rays, columns, extras.side),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,10 @@ class Containment:
 
     def answer(self, sessions: Sessions, question: PointQuestion, settings: Settings) -> Answer:
         """Answer a question."""
+        return self.answered(lambda parities: parities.answer(sessions, question, settings))
+
+    def answered(self, way: Callable[[RowPerPoint], Answer]) -> Answer:
+        """Return the answer of one who has rays traced in some way."""
         unsure = 0
 
         def row(sums: NDArray[np.int64]) -> NDArray[np.int8]:
@@ -63,7 +68,7 @@ class Containment:
             return rows
 
         parities = RowPerPoint(RayKind.EYE, len(WAYS), np.inf, _look, _parity, INSIDE, row)
-        answer = parities.answer(sessions, question, settings)
+        answer = way(parities)
         answer.stats.unsure_points = unsure
         if unsure:
             log.warning(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SettingError
 from bfrt.queries.answers import Fields
+from bfrt.settings import chosen
 
 #: The keys, of which a miss has inf.
 EXTRA_FIELDS: Fields = {
@@ -44,15 +45,10 @@ class Extras(NamedTuple):
         SettingError
             For a key or a side that there is not.
         """
-        known = f"a sequence of {', '.join(EXTRA_FIELDS)}"
-        if isinstance(outputs, str) or not isinstance(outputs, Iterable):
-            raise SettingError(f"outputs: found {outputs!r:.80}, expected {known}")
-        for key in outputs:
-            if key not in EXTRA_FIELDS:
-                raise SettingError(f"outputs: found {key!r:.80}, expected {known}")
-        if side not in SIDES:
+        keys = chosen("outputs", outputs, EXTRA_FIELDS)
+        if not isinstance(side, str) or side not in SIDES:
             raise SettingError(f"side: found {side!r:.80}, expected one of {', '.join(SIDES)}")
-        return cls(tuple(key for key in EXTRA_FIELDS if key in outputs), SIDES.index(side))
+        return cls(keys, SIDES.index(side))
 
     @property
     def fields(self) -> Fields:

@@ -61,6 +61,22 @@ class PointQuestion(NamedTuple):
     first: int = 0
 
 
+class GivenPoints(NamedTuple):
+    """Holds points, to be read once.
+
+    Attributes
+    ----------
+    points : Held or Stored
+    normals : Held or Stored, optional
+    first : int
+        The number of the first point.
+    """
+
+    points: Held | Stored
+    normals: Held | Stored | None
+    first: int
+
+
 class RowPerPoint(NamedTuple):
     """Says what a query does whose answer has a row for each point.
 
@@ -93,22 +109,41 @@ class RowPerPoint(NamedTuple):
 
     def answer(self, sessions: Sessions, question: PointQuestion, settings: Settings) -> Answer:
         """Answer a question."""
+        given = self.given(question)
+        with sessions(settings) as tracer:
+            query = Query(tracer, self.rays(given, tracer.store), self.kind, question)
+            direct = self.kind == RayKind.SHADOW and question.checkpoint is None
+            go = self._cast if direct and is_resident(tracer) else self._trace
+            return query.answer(self.filled(go(query), given, question.out))
+
+    def answered(self, way: Callable[[RowPerPoint], Answer]) -> Answer:
+        """Return the answer of one who has rays traced in another way."""
+        return way(self)
+
+    def given(self, question: PointQuestion) -> GivenPoints:
+        """Return the points of a question.
+
+        Raises
+        ------
+        SettingError
+            If they have other shapes or dtypes; if the answer cannot be put where it is to go.
+        """
         points, normals = _given(question)
         check_out(self.fields, points.lead, question.out)
-        with sessions(settings) as tracer:
-            rays = self._rays(points, normals, self.look(tracer.store), question.first)
-            query = Query(tracer, rays, self.kind, question)
-            direct = self.kind == RayKind.SHADOW and question.checkpoint is None
-            with Columns(shapes_of(self.fields, points.lead), question.out) as columns:
-                go = self._cast if direct and is_resident(tracer) else self._trace
-                for added in go(query):
-                    columns.put({key: self.row(added) for key in self.fields})
-            return query.answer(columns.arrays())
+        return GivenPoints(points, normals, question.first)
 
-    def _rays(
-        self, points: Held | Stored, normals: Held | Stored | None, look: Look, number: int
-    ) -> Rays:
-        """Return the rays of points, the first of which has a number."""
+    def filled(
+        self, added: Iterator[NDArray[np.int64]], given: GivenPoints, out: Out | None
+    ) -> dict[str, Records]:
+        """Return the arrays of the answer, filled by the sums of all points, in order."""
+        with Columns(shapes_of(self.fields, given.points.lead), out) as columns:
+            for some in added:
+                columns.put({key: self.row(some) for key in self.fields})
+        return columns.arrays()
+
+    def rays(self, given: GivenPoints, store: Store) -> Rays:
+        """Return the rays of points, whose last axis is that of one point's."""
+        (points, normals, number), look = given, self.look(store)
         some = max(1, RAYS_AT_ONCE // self.each)
         begin, end = (np.broadcast_to(t, some * self.each) for t in (0.0, self.distance))
 

@@ -212,9 +212,14 @@ class Query:
         self.stats.total.seconds += time.perf_counter() - self._start
         self.stats.bad_rays = bad
         self.stats.peak_rss_bytes = peak_rss()
-        if bad:
-            log.warning("%d rays were NaN, infinite or of no length, and hit nothing", bad)
+        warn_of_bad(bad)
         return answer
+
+
+def warn_of_bad(rays: int) -> None:
+    """Tell how many rays hit nothing since they are none, if there are such."""
+    if rays:
+        log.warning("%d rays were NaN, infinite or of no length, and hit nothing", rays)
 
 
 def save_query(query: Query, writer: StateWriter, held: Spool) -> Facts:

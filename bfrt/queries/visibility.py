@@ -13,7 +13,7 @@ from bfrt.queries._outlook import Outlook, Spread
 from bfrt.queries.answers import Fields
 from bfrt.queries.points import Look, Records, RowPerPoint, is_bad
 from bfrt.records import RayKind
-from bfrt.settings import at_least_one
+from bfrt.settings import at_least_one, number_of
 from bfrt.store.store import Store
 
 VISIBILITY: Fields = {"visibility": (np.float32, ())}
@@ -31,7 +31,8 @@ def visibility(rays: int, distance: float, *, around_normals: bool, cosine: bool
         If a setting is out of range.
     """
     each = at_least_one("rays", rays, MOST_RAYS)
-    if not isinstance(distance, (int, float, np.number)) or not distance > 0.0:
+    length = number_of(distance)
+    if not length > 0.0:
         raise SettingError(f"distance: found {distance!r:.80}, expected a number above 0")
     if cosine and not around_normals:
         raise SettingError("cosine: found True without normals, expected with them only")
@@ -39,7 +40,7 @@ def visibility(rays: int, distance: float, *, around_normals: bool, cosine: bool
     return RowPerPoint(
         RayKind.SHADOW,
         each,
-        float(distance),
+        length,
         partial(_look, each, spread),
         partial(_open_or_bad, each),
         VISIBILITY,

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from bfrt.errors import SceneError
 from bfrt.masks import is_masked
 from bfrt.records import SCALARS, Kind
-from bfrt.store.model import Vector
 
 
 def array_of(name: str, value: ArrayLike) -> NDArray[Any]:
@@ -33,7 +32,7 @@ def floats_of(name: str, value: ArrayLike) -> NDArray[Any]:
     return array.astype(np.float32 if narrow else np.float64, copy=False)
 
 
-def triple_of(name: str, value: ArrayLike) -> Vector:
+def triple_of(name: str, value: ArrayLike) -> tuple[float, float, float]:
     """Return a position, a direction or a color as a tuple."""
     array = floats_of(name, value).astype(np.float64, copy=False)
     if array.shape != (3,) or not np.isfinite(array).all():

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from bfrt.errors import SceneError
+from bfrt.settings import number_of
+from bfrt.store.given import triple_of
 
 Vector = tuple[float, float, float]
+
+#: Pixels of a side of a picture.
+MOST_PIXELS = 65535
 
 
 @dataclass(frozen=True)
@@ -45,23 +51,33 @@ class Camera:
     resolution: tuple[int, int] = (512, 512)
 
     def __post_init__(self) -> None:
+        for name in ("eye", "at", "up"):
+            object.__setattr__(self, name, triple_of(f"camera: {name}", getattr(self, name)))
+        for name in ("angle", "hither"):
+            given = getattr(self, name)
+            if not math.isfinite(number_of(given)):
+                raise SceneError(f"camera: found {name} {given!r:.80}, expected a finite number")
+            object.__setattr__(self, name, number_of(given))
+        object.__setattr__(self, "resolution", pixels_of(self.resolution))
         forward = [a - e for a, e in zip(self.at, self.eye, strict=True)]
-        right = cross(forward, self.up)
-        numbers = (*self.eye, *self.at, *self.up, self.angle, self.hither)
-        if not all(math.isfinite(x) for x in numbers):
-            raise SceneError(f"camera: found {numbers}, expected finite numbers")
-        if not any(right):
+        if not any(cross(forward, self.up)):
             raise SceneError(
                 f"camera: from {self.eye} at {self.at} up {self.up} does not span a view: "
                 "expected three vectors that are neither zero nor parallel"
             )
         if not 0.0 < self.angle < 180.0:
             raise SceneError(f"camera: found angle {self.angle:g}, expected 0 < angle < 180")
-        whole = all(isinstance(n, (int, np.integer)) for n in self.resolution)
-        if not whole or not all(1 <= n <= 65535 for n in self.resolution):
-            raise SceneError(
-                f"camera: found resolution {self.resolution}, expected 1 to 65535 pixels an axis"
-            )
+
+
+def pixels_of(given: Sequence[int]) -> tuple[int, int]:
+    """Return a resolution: width and height."""
+    sides = tuple(given) if isinstance(given, Iterable) else ()
+    whole = all(isinstance(n, (int, np.integer)) and not isinstance(n, bool) for n in sides)
+    if len(sides) != 2 or not whole or not all(1 <= n <= MOST_PIXELS for n in sides):
+        raise SceneError(
+            f"camera: found resolution {given!s:.80}, expected 1 to {MOST_PIXELS} pixels an axis"
+        )
+    return int(sides[0]), int(sides[1])
 
 
 class Light(NamedTuple):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from bfrt.errors import SceneError
+from bfrt.settings import number_of
 from bfrt.store.given import triple_of
 from bfrt.store.model import Vector
 
@@ -76,8 +75,7 @@ def sine(degrees: float) -> float:
 
 
 def _number(name: str, value: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-        raise SceneError(f"{name}: found {value!r:.80}, expected a number")
-    if not math.isfinite(value):
-        raise SceneError(f"{name}: found {value}, expected a finite number")
-    return float(value)
+    number = number_of(value)
+    if not math.isfinite(number):
+        raise SceneError(f"{name}: found {value!r:.80}, expected a finite number")
+    return number

@@ -28,9 +28,9 @@ OFFERED = {
     "ALL": "bfrt.wavefront.scene:ALL",
     "ANY": "bfrt.wavefront.scene:ANY",
     "COUNT": "bfrt.wavefront.scene:COUNT",
-    "NEAREST": "bfrt.wavefront.scene:NEAREST",
     "Wanted": "bfrt.wavefront.scene:Wanted",
     "Wavefront": "bfrt.wavefront.scene:Wavefront",
+    "nearest": "bfrt.wavefront.scene:nearest",
 }
 
 __getattr__ = offering(__name__, OFFERED)

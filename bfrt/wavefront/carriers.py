@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from bfrt.cluster.place import Place
 from bfrt.errors import BfrtError, SettingError, StoreError
+from bfrt.image.color_scale import ColorScale
 from bfrt.shards.manifest import Manifest, read_manifest
 from bfrt.shards.store import ShardedStore, open_shard, open_sharded
 
@@ -60,10 +61,13 @@ class Sight(NamedTuple):
         The shards that it can open.
     fault : str
         What is wrong with the first of the others; "" where all can be opened.
+    colors : tuple
+        What the colors of each of these shards say: a tuple of ColorScale.
     """
 
     numbers: tuple[int, ...]
     fault: str
+    colors: tuple[tuple[ColorScale, ...], ...] = ()
 
 
 def seen(path: str) -> Sight:
@@ -72,29 +76,31 @@ def seen(path: str) -> Sight:
         manifest, _ = read_manifest(Path(path))
     except (BfrtError, OSError) as error:
         return Sight((), str(error))
-    numbers, fault = [], ""
+    numbers, colors, fault = [], [], ""
     for number in range(len(manifest.shards)):
         try:
-            open_shard(Path(path), manifest, number).folder.close()
+            store = open_shard(Path(path), manifest, number)
+            store.folder.close()
         except (BfrtError, OSError) as error:
             fault = fault or str(error)
         else:
             numbers.append(number)
-    return Sight(tuple(numbers), fault)
+            colors.append(store.colors)
+    return Sight(tuple(numbers), fault, tuple(colors))
 
 
-def carriers_of(client: Any, path: str, manifest: Manifest) -> list[Carrier]:
-    """Part the shards of a scene among the workers that see them, by numbers of objects.
-
-    Raises
-    ------
-    StoreError
-        If a shard is seen by none; the message names a worker and the shard.
-    SettingError
-        If there is no worker.
-    """
+def sights_of(client: Any, path: str) -> dict[str, Sight]:
+    """Return what each worker, by its address, sees of a scene."""
     found: dict[str, Any] = client.run(seen, path, on_error="return")
-    return shared_out(manifest, {worker: _sight(each) for worker, each in found.items()})
+    return {worker: _sight(each) for worker, each in found.items()}
+
+
+def colors_of(sights: Mapping[str, Sight]) -> tuple[ColorScale, ...]:
+    """Return what the colors of all shards say, in their order, each once."""
+    of_shard: dict[int, tuple[ColorScale, ...]] = {}
+    for sight in sights.values():
+        of_shard.update(zip(sight.numbers, sight.colors, strict=True))
+    return tuple(dict.fromkeys(scale for number in sorted(of_shard) for scale in of_shard[number]))
 
 
 def _sight(found: Any) -> Sight:
@@ -103,7 +109,20 @@ def _sight(found: Any) -> Sight:
 
 
 def shared_out(manifest: Manifest, sights: Mapping[str, Sight]) -> list[Carrier]:
-    """Return the carriers for what each worker, by its address, sees; else as `carriers_of`."""
+    """Part the shards of a scene among the workers that see them, by numbers of objects.
+
+    Parameters
+    ----------
+    sights : mapping
+        What each worker, by its address, sees.
+
+    Raises
+    ------
+    StoreError
+        If a shard is seen by none; the message names a worker and the shard.
+    SettingError
+        If there is no worker.
+    """
     if not sights:
         raise SettingError(
             "client: found no worker, expected one or more, as client.wait_for_workers(1) waits for"

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from bfrt.cluster.counters import Part, summed
 from bfrt.cluster.watching import Errand, Watch
+from bfrt.queries.casting import record_of_miss
+from bfrt.queries.extras import NO_EXTRAS, Extras
 from bfrt.queries.surfaces import SURFACE
-from bfrt.records import NO_HIT, QUERY_RAY
+from bfrt.records import QUERY_RAY
 from bfrt.wavefront.cargo import BLOCK, Cargo
 from bfrt.wavefront.carriers import Carrier
 from bfrt.wavefront.routing import Boxes, carrier_entries
@@ -33,20 +35,27 @@ class Block:
     entries : (n, carriers) float64
         Where each comes to a carrier's shards.
     find : Find
+    extras : Extras
 
     Attributes
     ----------
     found : ndarray
-        NEAREST: (n,) of SURFACE, whose key is `NO_HIT` for a miss. ANY: (n,) bool. COUNT: (n,)
-        int64. ALL: (m,) of SURFACE, in any order.
+        NEAREST: (n,) of SURFACE with the extras, whose key is `NO_HIT` for a miss. ANY: (n,) bool.
+        COUNT: (n,) int64. ALL: (m,) of SURFACE, in any order.
     """
 
-    def __init__(self, rays: Records, entries: NDArray[np.float64], find: Find) -> None:
+    def __init__(
+        self,
+        rays: Records,
+        entries: NDArray[np.float64],
+        find: Find,
+        extras: Extras = NO_EXTRAS,
+    ) -> None:
         self.rays = rays
         self.first = int(rays["number"][0])
         self._entries = entries
         self._find = find
-        self.found: Records = _nothing(len(rays), find)
+        self.found: Records = _nothing(len(rays), find, extras)
 
     def departures(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
         """Yield carriers, and the rays that go to each next: none goes to two where one is enough.
@@ -76,19 +85,19 @@ class Block:
             self.rays["t"][at] = -1.0
         else:
             self.rays["t"][at], self.rays["id"][at] = records["near"], records["id"]
-            for name in SURFACE.names or ():
+            for name in self.found.dtype.names or ():
                 self.found[name][at] = records[name]
 
 
-def _nothing(n: int, find: Find) -> Records:
+def _nothing(n: int, find: Find, extras: Extras) -> Records:
     """Return what a block has found before it departs."""
     if find is Find.ANY:
         return np.zeros(n, np.bool_)
     if find is Find.COUNT:
         return np.zeros(n, np.int64)
-    found = np.zeros(n if find is Find.NEAREST else 0, SURFACE)
-    found["t"], found["key"] = np.inf, NO_HIT
-    return found
+    if find is Find.ALL:
+        return np.empty(0, SURFACE)
+    return np.repeat(record_of_miss(extras), n)
 
 
 class Flights:
@@ -124,7 +133,8 @@ class Flights:
         """Yield blocks of rays, (n,) of records.QUERY_RAY, in order, with what they have found."""
         flying: deque[tuple[Block, list[Errand]]] = deque()
         for rays in blocks:
-            block = Block(rays, carrier_entries(rays, self._boxes), self._tasks[0].find)
+            entries, task = carrier_entries(rays, self._boxes), self._tasks[0]
+            block = Block(rays, entries, task.find, task.extras)
             flying.append((block, self._depart(block)))
             while len(flying) > AHEAD * len(self._carriers):
                 yield self._land(*flying.popleft())
@@ -147,7 +157,7 @@ class Flights:
         while errands:
             for errand in errands:
                 traced: Traced = self._watch.result(errand)
-                records = traced.cargo.records(self._tasks[0].find.value)
+                records = traced.cargo.records(self._tasks[0].record)
                 self.travel.came(len(records), traced.cargo)
                 self.parts.append(traced.part)
                 block.take(records)
@@ -165,7 +175,8 @@ class Flights:
         return made
 
 
-def blocks_of(queue: Any) -> Iterator[Records]:
-    """Yield the rays of a queue, in blocks."""
+def blocks_of(queue: Any, each: int = 1) -> Iterator[Records]:
+    """Yield the rays of a queue, in blocks; `each` that belong together are in one."""
+    most = each * max(1, BLOCK // each)
     while len(queue):
-        yield queue.read(BLOCK).view(QUERY_RAY)
+        yield queue.read(most).view(QUERY_RAY)

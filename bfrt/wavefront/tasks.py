@@ -16,6 +16,7 @@ from bfrt.cluster.reports import TaskReport
 from bfrt.cluster.worker import this_worker
 from bfrt.phases.all_hits import AllHits
 from bfrt.progress import Progress
+from bfrt.queries.extras import NO_EXTRAS, Extras
 from bfrt.queries.surfaces import SURFACE, surfaces_of
 from bfrt.records import HIT, NO_HIT, QUERY_RAY
 from bfrt.rendering import stats_of
@@ -96,9 +97,17 @@ class Trace(Site):
     Attributes
     ----------
     find : Find
+    extras : Extras
+        What a nearest hit tells beside its surface.
     """
 
     find: Find
+    extras: Extras = NO_EXTRAS
+
+    @property
+    def record(self) -> np.dtype[Any]:
+        """Return the type of the records that tell what is found."""
+        return self.extras.record(self.find.value)
 
     def __call__(self, cargo: Cargo) -> Traced:
         rays = cargo.records(HIT)
@@ -107,7 +116,7 @@ class Trace(Site):
             stats = stats_of(tracer)
             tracer.begin(stats)
             with stats.depth(1) as counters:
-                found = FINDERS[self.find](Passing(tracer, rays, counters, report))
+                found = FINDERS[self.find](Passing(tracer, rays, counters, report, self.extras))
                 counters.rays.eye = len(rays)
             return Traced(Cargo.of(found), (this_worker().name, stats))
 
@@ -124,12 +133,14 @@ class Passing:
     counters : Counters
     report : TaskReport
         Ends the task if nobody waits for it.
+    extras : Extras
     """
 
     tracer: Tracer
     rays: Records
     counters: Counters
     report: TaskReport
+    extras: Extras = NO_EXTRAS
 
     def go(self, which: Callable[[Records], Records], crossings: AllHits | None = None) -> Records:
         """Trace all rays; return the records that are chosen as they are complete."""
@@ -146,10 +157,10 @@ class Passing:
         return Spool(HIT, self.tracer.capacities.hits, self.tracer.scratch)
 
     def surfaces(self, hits: Spool) -> Records:
-        """Return hits with their surfaces, (n,) of SURFACE."""
+        """Return hits with their surfaces, (n,) of SURFACE with the extras."""
         room = max(1, self.tracer.capacities.hits)
-        found = surfaces_of(hits, self.tracer, room, self.counters)
-        return np.concatenate([np.empty(0, SURFACE), *found])
+        found = surfaces_of(hits, self.tracer, room, self.counters, self.extras)
+        return np.concatenate([np.empty(0, self.extras.record(SURFACE)), *found])
 
 
 def _nearest(passing: Passing) -> Records:
@@ -167,10 +178,10 @@ def _nearest(passing: Passing) -> Records:
     with closing(passing.spool()) as spool:
         spool.append(hits.view(HIT))
         surfaces = passing.surfaces(spool)
-    found = np.empty(len(hits), FOUND)
+    found = np.empty(len(hits), passing.extras.record(FOUND))
     hits, surfaces = hits[np.argsort(hits["number"])], surfaces[np.argsort(surfaces["number"])]
     found["near"], found["id"] = hits["t"], hits["id"]
-    for name in SURFACE.names or ():
+    for name in surfaces.dtype.names or ():
         found[name] = surfaces[name]
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import sys
 
 import numpy as np
@@ -83,6 +84,16 @@ def test_what_has_no_bar(tmp_path):
         plain(80, 3).save(tmp_path / "a.exr", color_bar=SCALE)
     with pytest.raises(SettingError, match="color_bar: found 63 rows, expected 64 or more"):
         plain(63, 3).save(tmp_path / "a.png", color_bar=SCALE)
+    for wrong, fault in (
+        ((SCALE,), r"color_bar: found tuple, expected a ColorScale, as scene\.colors\[0\]"),
+        ("mass", "color_bar: found str, expected a ColorScale"),
+        (SCALE._replace(lo=SCALE.hi + 1.0), "color_bar: found a range from .*, the lesser first"),
+        (SCALE._replace(lo=math.nan), "color_bar: found a range from nan to .*, expected finite"),
+        (SCALE._replace(log=True, lo=-1.0), "color_bar: found a range from -1.0 .*, above 0"),
+    ):
+        with pytest.raises(SettingError, match=fault):
+            plain(80, 3).save(tmp_path / "a.png", color_bar=wrong)
+    assert not list(tmp_path.iterdir())
     assert list(tmp_path.iterdir()) == []
 
 

@@ -154,7 +154,12 @@ def test_without_pillow(images, tmp_path, monkeypatch):
         (lambda i, f: i.save_sheet(f / "a.exr"), "found suffix '.exr' of a contact sheet"),
         (lambda i, f: i.save_sheet(f / "a.png", 0), "columns: found 0, expected a whole number"),
         (lambda i, f: i.save_animation(f / "a.mp4"), "found suffix '.mp4' of an animation"),
+        (lambda i, f: i.save_sheet(f / "a.png", 10**9), "columns: found more than 65536, expect"),
+        (lambda i, f: i.save_sheet(3), "image: found int, expected a path"),
+        (lambda i, f: i.save_animation(3), "image: found int, expected a path"),
         (lambda i, f: i.save_animation(f / "a.png", 0.0), "seconds: found 0.0, expected 0.01 to"),
+        (lambda i, f: i.save_animation(f / "a.png", "1"), "seconds: found '1', expected 0.01 to"),
+        (lambda i, f: i.save_animation(f / "a.png", None), "seconds: found None, expected 0.01"),
         (lambda i, f: bfrt.Images().save_sheet(f / "a.png"), "found none, or several sizes"),
         (
             lambda i, f: bfrt.Images([i[0], white(2, 2)]).save_sheet(f / "a.png"),

@@ -172,6 +172,8 @@ def test_a_bounce_goes_on_forever(tmp_path):
     [
         ({"outputs": "positions"}, "outputs: found 'positions', expected a sequence of positions"),
         ({"outputs": 5}, "outputs: found 5, expected a sequence of positions, next_origins"),
+        ({"outputs": [["positions"]]}, r"outputs: found \['positions'\], expected a seq"),
+        ({"side": np.array(["front", "back"])}, "side: found array.*, expected one of inc"),
         ({"outputs": ["normals"]}, "outputs: found 'normals', expected a sequence of positions"),
         ({"side": "left"}, "side: found 'left', expected one of incoming, opposite, front, back"),
         ({"out": {"positions": np.zeros((1, 3))}}, "out: found 'positions', expected some"),
@@ -184,3 +186,9 @@ def test_a_bounce_goes_on_forever(tmp_path):
 def test_refused(ball, settings, what):
     with pytest.raises(SettingError, match=what):
         ball.cast_rays([[0.0, 0, 0]], [[0.0, 0, 1]], **settings)
+
+
+def test_keys_that_are_gone_through_once(ball):
+    """As of a generator: none is forgotten."""
+    rays = [[0.0, 0, 0]], [[0.0, 0, 1]]
+    assert set(BOTH) < set(ball.cast_rays(*rays, outputs=(key for key in BOTH)))

@@ -109,13 +109,13 @@ def test_one_point_is_near_the_truth(ball):
 def test_directions_are_spread(tmp_path, monkeypatch, spread):
     """Unit, all on the normal's side, with the mean and the moments of their density."""
     taken = []
-    fill = points_room.RowPerPoint._rays
+    fill = points_room.RowPerPoint.rays
 
     def rays(self, *given):
         made = fill(self, *given)
         return made._replace(blocks=iter(taken.append(block) or block for block in made.blocks))
 
-    monkeypatch.setattr(points_room.RowPerPoint, "_rays", rays)
+    monkeypatch.setattr(points_room.RowPerPoint, "rays", rays)
     with bfrt.SceneWriter(tmp_path / "none.bfrt"):
         pass
     rng = np.random.default_rng(3)
@@ -233,6 +233,8 @@ def test_rays_begin_off_the_surface(tmp_path):
         ((np.zeros((2, 3)),), {"rays": 1.5}, r"rays: found 1\.5, expected a whole number"),
         ((np.zeros((2, 3)),), {"distance": 0.0}, "distance: found 0.0, expected a number above 0"),
         ((np.zeros((2, 3)),), {"distance": np.nan}, "distance: found nan, expected a number"),
+        ((np.zeros((2, 3)),), {"distance": True}, "distance: found True, expected a number"),
+        ((np.zeros((2, 3)),), {"distance": np.complex128(1)}, "distance: found .*, expected a num"),
         ((np.zeros((2, 3)),), {"distance": "far"}, "distance: found 'far', expected a number"),
         ((np.zeros((2, 3)),), {"cosine": True}, "cosine: found True without normals"),
         (("no.npy",), {}, "no.npy: expected an .npy file of points"),
@@ -244,6 +246,24 @@ def test_rays_begin_off_the_surface(tmp_path):
 def test_refused(ball, arguments, settings, what):
     with pytest.raises(SettingError, match=what):
         ball.visibility(*arguments, **settings)
+
+
+@pytest.mark.parametrize("size", [5e-324, 1e-300, 1e-170, 1e170, 1e308])
+def test_normals_of_any_length(ball, size):
+    """Of powers of two that overflow, or are lost, in their squares."""
+    normals = np.array([UP, (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
+    points = np.tile((0.0, 0.0, 0.5), (3, 1))
+    expected = ball.visibility(points, normals, rays=500)["visibility"]
+    assert (expected < 1.0).all()
+    found = ball.visibility(points, size * normals, rays=500)
+    np.testing.assert_array_equal(found["visibility"], expected)
+    assert found.stats.bad_rays == 0
+
+
+def test_a_distance_beyond_all_numbers(ball):
+    points = np.tile((0.0, 0.0, 0.5), (3, 1))
+    expected = ball.visibility(points)["visibility"]
+    np.testing.assert_array_equal(ball.visibility(points, distance=10**400)["visibility"], expected)
 
 
 def test_cancelled(ball):

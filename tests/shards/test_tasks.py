@@ -95,7 +95,7 @@ def test_shards_are_shared_out_by_their_objects(scenes):
     path = os.fspath(scenes["given"].sharded.path)
     manifest = scenes["given"].sharded.store.manifest
     sight = seen(path)
-    assert sight == Sight((0, 1, 2, 3), "")
+    assert sight == Sight((0, 1, 2, 3), "", ((),) * 4)
     carriers = shared_out(manifest, {"a": sight, "b": sight})
     assert sorted(n for each in carriers for n in each.numbers) == [0, 1, 2, 3]
     loads = [sum(manifest.shards[n].objects for n in each.numbers) for each in carriers]
