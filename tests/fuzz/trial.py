@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import faulthandler
 import gc
+import os
 import resource
 import shutil
 import time
@@ -83,6 +84,7 @@ class Trials:
         self._run = harness.run
         self.folder = folder
         self._most = peak() + MOST_GROWTH
+        self._open = open_files()
         self.outcomes: Counter[str] = Counter()
         self.slowest = 0.0
 
@@ -96,8 +98,9 @@ class Trials:
         """
         (self.folder / CURRENT).write_bytes(data)
         work = self.folder / f"{zlib.crc32(data):08x}"
+        work.mkdir()
         for part in PARTS:
-            (work / part).mkdir(parents=True)
+            os.mkdir(f"{work}/{part}")  # noqa: PTH102
         start = time.perf_counter()
         try:
             with bounded():
@@ -111,7 +114,7 @@ class Trials:
         (self.folder / CURRENT).unlink()
 
     def _outcome(self, data: bytes, work: Path) -> str:
-        before = open_files()
+        before = self._open
         outcome = "success"
         try:
             self._run(data, work)
@@ -119,10 +122,13 @@ class Trials:
             outcome = type(error).__name__
             check_sentence(error)
         check_nothing_left(work, done=outcome == "success")
-        if open_files() != before:
+        found = open_files()
+        if found != before:
             gc.collect()  # an error's frames may refer to one another
-        if open_files() != before:
-            raise Finding(f"found open files {open_files()}, expected {before}")
+            found = open_files()
+        if found != before:
+            self._open = found
+            raise Finding(f"found open files {found}, expected {before}")
         return outcome
 
 
@@ -148,10 +154,12 @@ def check_sentence(error: BfrtError) -> None:
 def check_nothing_left(work: Path, *, done: bool) -> None:
     """Refuse temporary files, and what is made of an input that was refused."""
     emptied = ("tmp",) if done else ("tmp", "out")
-    left = [path for part in emptied for path in (work / part).iterdir()]
-    left += [path for path in (work / "in").rglob("*") if path.name.startswith(".")]
+    left = [f"{part}/{name}" for part in emptied for name in os.listdir(work / part)]  # noqa: PTH208
+    for folder, parts, names in os.walk(work / "in"):
+        begun = [name for name in (*parts, *names) if name.startswith(".")]
+        left += [os.path.relpath(f"{folder}/{name}", work) for name in begun]
     if left:
-        raise Finding(f"left: {[str(path.relative_to(work)) for path in left]}")
+        raise Finding(f"left: {left}")
 
 
 def peak() -> int:
