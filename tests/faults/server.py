@@ -20,7 +20,7 @@ from pathlib import Path
 
 from faults.shim import FAULTS, Fault, Shim
 from faults.trial import Expected, Trials
-from faults.work import BEYOND, WORKS
+from faults.works import BEYOND, WORKS
 
 #: Calls that may come beyond those that were counted: threads take turns as they like.
 SLACK = 3
