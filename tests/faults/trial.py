@@ -25,7 +25,7 @@ from bfrt.errors import BfrtError, StreamError
 #: runs: where somebody stops it and its child for a while, none passes.
 PATIENCE = 30
 
-#: Of what a child says that died, so many characters are told: where it was is among them.
+#: Characters that are told of what a child says that died: where it was comes first.
 TOLD = 1500
 
 #: Of what it says on standard error: nobody caught this, or could not.
@@ -147,7 +147,7 @@ class Trials:
         done = not told.get("error") or WORKS[name].resumes
         said = (self._folder / "stderr").read_text(errors="replace")
         if told.get("died"):
-            return Outcome({}, "", f"{told['died']}: {said[-TOLD:]}")
+            return Outcome({}, "", f"{told['died']}: {said[:TOLD]}")
         wrong = told["unfit"] or misplaced(tree_of(self._folder / "trial"), expected, done=done)
         if not wrong and done and told["value"] != expected.value:
             wrong = "another result"
