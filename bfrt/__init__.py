@@ -6,9 +6,7 @@
 >>> image.save("scene.exr")
 """
 
-from __future__ import annotations
-
-from bfrt.version import VERSION
+# Nothing is imported here: the command begins behind this module, and would be interrupted in it.
 
 #: Where each thing that is offered lies; ``__init__.pyi`` says the same to type checkers.
 OFFERED = {
@@ -57,7 +55,9 @@ OFFERED = {
 }
 
 __all__ = list(OFFERED)
-__version__ = VERSION
+
+#: What is there besides, but not by ``*``.
+ASKED_FOR = {**OFFERED, "__version__": "bfrt.version:VERSION"}
 
 
 def __getattr__(name: str) -> object:
@@ -65,15 +65,15 @@ def __getattr__(name: str) -> object:
 
     The command can then be interrupted while it is imported, which takes most of its start.
     """
-    if name not in OFFERED:
+    if name not in ASKED_FOR:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    home, _, inside = OFFERED[name].partition(":")
+    home, _, inside = ASKED_FOR[name].partition(":")
     module = import_module(home)
     globals()[name] = offered = getattr(module, inside) if inside else module
     return offered
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *ASKED_FOR})

@@ -1,24 +1,26 @@
 """``python -m bfrt`` is the command ``bfrt``, and so is the script of that name."""
 
-from __future__ import annotations
-
+# From the first line on an interrupt is one line. All these are there when Python has begun.
+import _signal  # type: ignore[import-not-found]  # what `signal` is made of
 import os
 import sys
 
+
+def interrupted(number: int, _: object) -> None:
+    """End at once, as long as nothing has begun that could be cleared up."""
+    try:
+        os.write(2, b"bfrt: interrupted\n")
+    finally:
+        os._exit(128 + number)
+
+
+if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+    _signal.signal(_signal.SIGINT, interrupted)
+
+from bfrt.process import Interrupts, ending_of, flush_streams, open_missing_streams, say  # noqa: E402
+
 #: The exit status where the command does not begin.
 UNLOADED = 1
-
-try:
-    from bfrt.process import (
-        Interrupts,
-        ending_of,
-        flush_streams,
-        open_missing_streams,
-        say,
-    )
-except KeyboardInterrupt:  # before there is what takes it
-    sys.stderr.write("bfrt: interrupted\n")
-    sys.exit(130)
 
 
 def spare_threads() -> None:
@@ -40,7 +42,7 @@ def run() -> int:
     """Be the command, from its imports to its exit; return the exit status of the process."""
     interrupts = Interrupts()
     try:
-        interrupts.listen()
+        interrupts.listen(interrupted)
         open_missing_streams()
         spare_threads()
         try:

@@ -98,19 +98,27 @@ def ended(process):
     return process.returncode, said
 
 
-NAMES = ["bfrt.process", "bfrt.cli", "numpy", "numpy.linalg", "bfrt.streams.reader"]
+NAMES = [
+    "__future__", "bfrt.version", "bfrt.process", "bfrt.cli", "numpy", "numpy.linalg",
+    "bfrt.streams.reader",
+]  # fmt: skip
 
 
+@pytest.mark.parametrize("how", [MODULE, ("-c", SCRIPT)], ids=["module", "script"])
 @pytest.mark.parametrize("name", NAMES)
-def test_an_interrupt_while_a_module_is_imported(tmp_path, name):
-    command = started(tmp_path, *LONG, at_start=WHEN_IMPORTED.format(name=name))
+def test_an_interrupt_while_a_module_is_imported(tmp_path, name, how):
+    at_start = WHEN_IMPORTED.format(name=name)
+    command = started(tmp_path, *LONG, at_start=at_start, how=how)
     assert ended(command) == (130, "bfrt: interrupted\n")
     assert list((tmp_path / "work").iterdir()) == []
 
 
-def test_an_interrupt_of_the_script(tmp_path):
-    at_start = WHEN_IMPORTED.format(name="numpy")
-    command = started(tmp_path, *LONG, at_start=at_start, how=("-c", SCRIPT))
+@pytest.mark.parametrize("name", ["bfrt.version", "bfrt.process", "bfrt.cli"])
+def test_interrupts_one_upon_the_other_while_modules_are_imported(tmp_path, name):
+    """Nothing of the first is left that a second could disturb."""
+    one = "os.kill(os.getpid(), signal.SIGINT)"
+    at_start = WHEN_IMPORTED.format(name=name).replace(one, "for _ in range(9): " + one)
+    command = started(tmp_path, *LONG, at_start=at_start)
     assert ended(command) == (130, "bfrt: interrupted\n")
 
 
