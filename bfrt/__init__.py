@@ -6,7 +6,10 @@
 >>> image.save("scene.exr")
 """
 
-# Nothing is imported here: the command begins behind this module, and would be interrupted in it.
+# Only what Python has at its start is imported here: the command begins behind this module.
+import _signal
+import os
+import sys
 
 #: Where each thing that is offered lies; ``__init__.pyi`` says the same to type checkers.
 OFFERED = {
@@ -58,6 +61,25 @@ __all__ = list(OFFERED)
 
 #: What is there besides, but not by ``*``.
 ASKED_FOR = {**OFFERED, "__version__": "bfrt.version:VERSION"}
+
+
+def _interrupted(number: int, _: object) -> None:
+    """Be a command that is interrupted before there is anything to clear up: say so, and end."""
+    try:
+        os.write(2, b"bfrt: interrupted\n")
+    finally:
+        os._exit(128 + number)
+
+
+def _take_interrupts() -> None:
+    """Have an interrupt end the process in one line; not where it was started to ignore them."""
+    if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+        _signal.signal(_signal.SIGINT, _interrupted)
+
+
+# Python looks for `bfrt.__main__`: the command has begun. For a program nothing is changed.
+if sys.argv[:1] == ["-m"] and ("-m", "bfrt") in zip(sys.orig_argv, sys.orig_argv[1:], strict=False):
+    _take_interrupts()
 
 
 def __getattr__(name: str) -> object:

@@ -91,3 +91,6 @@ __all__ = [
 ]
 
 __version__: str
+
+def _interrupted(number: int, _: object) -> None: ...
+def _take_interrupts() -> None: ...

@@ -1,21 +1,11 @@
 """``python -m bfrt`` is the command ``bfrt``, and so is the script of that name."""
 
-# From the first line on an interrupt is one line. All these are there when Python has begun.
-import _signal  # type: ignore[import-not-found]  # what `signal` is made of
 import os
 import sys
 
+import bfrt
 
-def interrupted(number: int, _: object) -> None:
-    """End at once, as long as nothing has begun that could be cleared up."""
-    try:
-        os.write(2, b"bfrt: interrupted\n")
-    finally:
-        os._exit(128 + number)
-
-
-if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
-    _signal.signal(_signal.SIGINT, interrupted)
+bfrt._take_interrupts()  # from here on an interrupt is one line
 
 from bfrt.process import Interrupts, ending_of, flush_streams, open_missing_streams, say  # noqa: E402
 
@@ -42,7 +32,7 @@ def run() -> int:
     """Be the command, from its imports to its exit; return the exit status of the process."""
     interrupts = Interrupts()
     try:
-        interrupts.listen(interrupted)
+        interrupts.listen(bfrt._interrupted)
         open_missing_streams()
         spare_threads()
         try:

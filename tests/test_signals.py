@@ -122,6 +122,21 @@ def test_interrupts_one_upon_the_other_while_modules_are_imported(tmp_path, name
     assert ended(command) == (130, "bfrt: interrupted\n")
 
 
+def test_a_program_that_imports_the_library_keeps_its_own_interrupts(tmp_path):
+    """Also one that ``python -m`` starts, whose package imports it."""
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "__init__.py").write_text("import bfrt\n")
+    (tmp_path / "own" / "__main__.py").write_text(
+        "import signal\nprint(signal.getsignal(signal.SIGINT).__name__)\n"
+    )
+    paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
+    done = subprocess.run(
+        [sys.executable, "-m", "own"], capture_output=True, text=True, preexec_fn=hear_all,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)}, check=True,
+    )  # fmt: skip
+    assert done.stdout == "default_int_handler\n"
+
+
 def test_an_interrupt_that_cython_would_swallow(tmp_path):
     command = started(tmp_path, *LONG, at_start=WHEN_REGISTERED)
     assert ended(command) == (130, "bfrt: interrupted\n")
