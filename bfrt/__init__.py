@@ -73,8 +73,19 @@ def _interrupted(number: int, _: object) -> None:
 
 def _take_interrupts() -> None:
     """Have an interrupt end the process in one line; not where it was started to ignore them."""
-    if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
-        _signal.signal(_signal.SIGINT, _interrupted)
+    try:
+        if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+            _signal.signal(_signal.SIGINT, _interrupted)
+    except KeyboardInterrupt:  # which came just before
+        _interrupted(_signal.SIGINT, None)
+
+
+def _command() -> int:
+    """Be the command, as its script: return the exit status."""
+    _take_interrupts()
+    from importlib import import_module
+
+    return import_module("bfrt.__main__").run()
 
 
 # Python looks for `bfrt.__main__`: the command has begun. For a program nothing is changed.
