@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.paths import is_file, mode_at, path_of, without_links
+from bfrt.paths import is_file, mode_at, path_of, walk, without_links
 from bfrt.refusals import DISK_FULL, calling, closing, refused
 from bfrt.streams.litter import sweep
 from bfrt.streams.ownership import Owned, create_file, create_folder
@@ -237,6 +237,13 @@ def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str])
 def sync_file(path: Path) -> None:
     """Make a file's contents durable; `StreamError` if the system refuses."""
     _sync(path, os.O_RDWR)
+
+
+def sync_folders(folder: Path) -> None:
+    """Make the entries of a folder and of all below durable; `StreamError` as `sync_folder`."""
+    with calling(folder, "listing"):
+        for each, _, _ in walk(folder):
+            sync_folder(each)
 
 
 def sync_folder(folder: Path) -> None:
