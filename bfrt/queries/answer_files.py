@@ -4,7 +4,7 @@
 
     a folder of nothing else     made aside, and renamed as one; an answer that is there goes
     one that has other things    files take their names one after the other; where that fails
-                                 those that have theirs are removed again
+                                 what was there before comes back
 """
 
 from __future__ import annotations
