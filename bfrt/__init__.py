@@ -6,10 +6,10 @@
 >>> image.save("scene.exr")
 """
 
-from __future__ import annotations
-
-from bfrt.lazy import offering
-from bfrt.version import VERSION
+# Only what Python has at its start is imported here: the command begins behind this module.
+import _signal
+import os
+import sys
 
 #: Where each thing that is offered lies; ``__init__.pyi`` says the same to type checkers.
 OFFERED = {
@@ -58,12 +58,50 @@ OFFERED = {
 }
 
 __all__ = list(OFFERED)
-__version__ = VERSION
+
+#: What is there besides, but not by ``*``.
+ASKED_FOR = {**OFFERED, "__version__": "bfrt.version:VERSION"}
 
 
-#: The command can be interrupted while it is imported, which takes most of its start.
-__getattr__ = offering(__name__, OFFERED)
+def _interrupted(number: int, _: object) -> None:
+    """Be a command that is interrupted before there is anything to clear up: say so, and end."""
+    try:
+        os.write(2, b"bfrt: interrupted\n")
+    finally:
+        os._exit(128 + number)
+
+
+def _take_interrupts() -> None:
+    """Have an interrupt end the process in one line; not where it was started to ignore them."""
+    try:
+        if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+            _signal.signal(_signal.SIGINT, _interrupted)
+    except KeyboardInterrupt:  # which came just before
+        _interrupted(_signal.SIGINT, None)
+
+
+def _command() -> int:
+    """Be the command, as its script: return the exit status."""
+    _take_interrupts()
+    from importlib import import_module
+
+    return import_module("bfrt.__main__").run()
+
+
+# Python looks for `bfrt.__main__`: the command has begun. For a program nothing is changed.
+if sys.argv[:1] == ["-m"] and ("-m", "bfrt") in zip(sys.orig_argv, sys.orig_argv[1:], strict=False):
+    _take_interrupts()
+
+
+def __getattr__(name: str) -> object:
+    """Import what is offered when it is first asked for: a program loads what it uses.
+
+    The command can then be interrupted while it is imported, which takes most of its start.
+    """
+    from bfrt.lazy import imported
+
+    return imported(__name__, ASKED_FOR, name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *ASKED_FOR})

@@ -1,24 +1,16 @@
 """``python -m bfrt`` is the command ``bfrt``, and so is the script of that name."""
 
-from __future__ import annotations
-
 import os
 import sys
 
+import bfrt
+
+bfrt._take_interrupts()  # from here on an interrupt is one line
+
+from bfrt.process import Interrupts, ending_of, flush_streams, open_missing_streams, say  # noqa: E402
+
 #: The exit status where the command does not begin.
 UNLOADED = 1
-
-try:
-    from bfrt.process import (
-        Interrupts,
-        ending_of,
-        flush_streams,
-        open_missing_streams,
-        say,
-    )
-except KeyboardInterrupt:  # before there is what takes it
-    sys.stderr.write("bfrt: interrupted\n")
-    sys.exit(130)
 
 
 def spare_threads() -> None:
@@ -40,7 +32,7 @@ def run() -> int:
     """Be the command, from its imports to its exit; return the exit status of the process."""
     interrupts = Interrupts()
     try:
-        interrupts.listen()
+        interrupts.listen(bfrt._interrupted)
         open_missing_streams()
         spare_threads()
         try:

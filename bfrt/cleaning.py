@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bfrt.errors import SettingError
 from bfrt.grid.marks_home import home_in, stale
-from bfrt.paths import is_marked, path_of
+from bfrt.paths import is_marked, names_in, path_of
 from bfrt.settings import folder_of
 from bfrt.streams.litter import Litter, bytes_of, clear, restore
 from bfrt.streams.ownership import FOLDER, remove
@@ -66,7 +66,8 @@ def _stores_in(folder: Path) -> Iterator[Path]:
 
 def _folders_in(folder: Path) -> list[Path]:
     try:
-        return sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
+        each = [folder / name for name in names_in(folder)]
+        return [path for path in each if path.is_dir() and not path.is_symlink()]
     except OSError:
         return []
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bfrt.errors import SettingError
@@ -214,6 +214,50 @@ def check_outside(place: str, path: Path) -> None:
             raise SettingError(
                 f"{place}: found it to be in the store {each}, expected another folder"
             )
+
+
+def names_in(folder: Path) -> list[str]:
+    """Return the names in a folder, sorted.
+
+    Raises
+    ------
+    OSError
+        If the system refuses to list it.
+    """
+    return [entry.name for entry in entries_in(folder)]
+
+
+def entries_in(folder: Path) -> list[os.DirEntry[str]]:
+    """Return what is in a folder, by name; where a signal interrupts the call it is made again.
+
+    Raises
+    ------
+    OSError
+        If the system refuses to list it.
+    """
+    while True:
+        try:
+            with os.scandir(folder) as entries:
+                return sorted(entries, key=lambda entry: entry.name)
+        except InterruptedError:  # which Python leaves to its callers here, and nowhere else
+            continue
+
+
+def walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
+    """Yield a folder and all below, from above: each, its folders, and what else is there.
+
+    Names that are taken out of the folders are not gone into. A link is no folder.
+
+    Raises
+    ------
+    OSError
+        If the system refuses to list one; `os.walk` passes over it without a word.
+    """
+    entries = entries_in(folder)
+    below = [entry.name for entry in entries if entry.is_dir(follow_symlinks=False)]
+    yield folder, below, [entry.name for entry in entries if entry.name not in set(below)]
+    for name in below:
+        yield from walk(folder / name)
 
 
 def is_marked(folder: Path) -> bool:

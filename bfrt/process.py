@@ -11,6 +11,7 @@ import time
 
 TYPE_CHECKING = False  # known to type checkers; `typing` takes long to import
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType
     from typing import TextIO
 
@@ -77,10 +78,16 @@ class Interrupts:
         self._first: int | None = None
         self._heard: list[int] = []
 
-    def listen(self) -> None:
-        """Take signals from here on, but those that the process was started to ignore."""
+    def listen(self, *before: Callable[[int, FrameType | None], object]) -> None:
+        """Take signals from here on, but those that the process was started to ignore.
+
+        Parameters
+        ----------
+        before : callables
+            Handlers that have taken them so far.
+        """
         for number in ENDINGS:
-            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler, *before):
                 self._heard.append(number)
         if self._heard:
             signal.signal(signal.SIGALRM, self.take)

@@ -183,10 +183,11 @@ class Scene:
         ------
         StoreError
             If the palette is damaged.
-        StreamError
-            If the system refuses to read it.
+        StreamError, ResourceError
+            If the system refuses to read it, or has no memory for it.
         """
-        return self.store.materials()
+        with in_memory(f"{self.path}: reading the palette"):
+            return self.store.materials()
 
     def verify(self) -> None:
         """Read every file of the store and compare checksums.
@@ -195,12 +196,13 @@ class Scene:
         ------
         StoreError
             If a file differs from what was written, marks included; it names the first.
-        StreamError
-            If the system refuses to read a file.
+        StreamError, ResourceError
+            If the system refuses to read a file, or has no memory for that.
         """
-        self.store.verify()
-        for group in self.store.groups:
-            verify_marks(self.store, group)
+        with in_memory(f"{self.path}: verifying"):
+            self.store.verify()
+            for group in self.store.groups:
+                verify_marks(self.store, group)
 
     def __enter__(self) -> Scene:
         return self

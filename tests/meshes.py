@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -105,11 +106,11 @@ def open_files() -> Counter[str]:
     Pipes, sockets and what is in /proc, /sys and /dev are none: threads of a cluster that ended
     a moment ago close theirs whenever they come to it.
     """
-    folder = Path("/proc/self/fd")
+    folder = "/proc/self/fd"
     found: Counter[str] = Counter()
-    for each in folder.iterdir() if folder.exists() else ():
+    for each in os.listdir(folder) if os.path.isdir(folder) else ():  # noqa: PTH112, PTH208
         with contextlib.suppress(FileNotFoundError):  # the one that lists them
-            name = str(each.readlink())
+            name = os.readlink(f"{folder}/{each}")  # noqa: PTH115 - by paths it takes five times as long
             if name.startswith("/") and not name.startswith(("/proc/", "/sys/", "/dev/")):
                 found[name] += 1
     return found

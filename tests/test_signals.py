@@ -98,20 +98,43 @@ def ended(process):
     return process.returncode, said
 
 
-NAMES = ["bfrt.process", "bfrt.cli", "numpy", "numpy.linalg", "bfrt.streams.reader"]
+NAMES = [
+    "__future__", "bfrt.version", "bfrt.process", "bfrt.cli", "numpy", "numpy.linalg",
+    "bfrt.streams.reader",
+]  # fmt: skip
 
 
+@pytest.mark.parametrize("how", [MODULE, ("-c", SCRIPT)], ids=["module", "script"])
 @pytest.mark.parametrize("name", NAMES)
-def test_an_interrupt_while_a_module_is_imported(tmp_path, name):
-    command = started(tmp_path, *LONG, at_start=WHEN_IMPORTED.format(name=name))
+def test_an_interrupt_while_a_module_is_imported(tmp_path, name, how):
+    at_start = WHEN_IMPORTED.format(name=name)
+    command = started(tmp_path, *LONG, at_start=at_start, how=how)
     assert ended(command) == (130, "bfrt: interrupted\n")
     assert list((tmp_path / "work").iterdir()) == []
 
 
-def test_an_interrupt_of_the_script(tmp_path):
-    at_start = WHEN_IMPORTED.format(name="numpy")
-    command = started(tmp_path, *LONG, at_start=at_start, how=("-c", SCRIPT))
+@pytest.mark.parametrize("name", ["bfrt.version", "bfrt.process", "bfrt.cli"])
+def test_interrupts_one_upon_the_other_while_modules_are_imported(tmp_path, name):
+    """Nothing of the first is left that a second could disturb."""
+    one = "os.kill(os.getpid(), signal.SIGINT)"
+    at_start = WHEN_IMPORTED.format(name=name).replace(one, "for _ in range(9): " + one)
+    command = started(tmp_path, *LONG, at_start=at_start)
     assert ended(command) == (130, "bfrt: interrupted\n")
+
+
+def test_a_program_that_imports_the_library_keeps_its_own_interrupts(tmp_path):
+    """Also one that ``python -m`` starts, whose package imports it."""
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "__init__.py").write_text("import bfrt\n")
+    (tmp_path / "own" / "__main__.py").write_text(
+        "import signal\nprint(signal.getsignal(signal.SIGINT).__name__)\n"
+    )
+    paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
+    done = subprocess.run(
+        [sys.executable, "-m", "own"], capture_output=True, text=True, preexec_fn=hear_all,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)}, check=True,
+    )  # fmt: skip
+    assert done.stdout == "default_int_handler\n"
 
 
 def test_an_interrupt_that_cython_would_swallow(tmp_path):

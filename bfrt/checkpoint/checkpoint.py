@@ -17,8 +17,8 @@ from bfrt.checkpoint.identity import Identity, check_same
 from bfrt.checkpoint.pace import ASSUMED_EACH, Pace
 from bfrt.checkpoint.soundness import check_facts
 from bfrt.checkpoint.state import HEADER, Facts, SavedState, StateWriter
-from bfrt.errors import BfrtError, CheckpointError, SettingError, StreamError
-from bfrt.paths import check_folder
+from bfrt.errors import BfrtError, CheckpointError, SettingError
+from bfrt.paths import check_folder, names_in
 from bfrt.refusals import calling, give_up, refused
 from bfrt.settings import number_of
 from bfrt.store.header import Check
@@ -105,13 +105,15 @@ class Checkpoint:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        try:
-            place = Path(os.path.realpath(self.folder))  # a link to it stays
-            if not self._generations() and insist(place.rmdir):
-                log.debug("%s: is left as it is: others put something in", self.folder)
-        except StreamError as error:
-            log.debug("%s: is left as it is: %s", self.folder, error)
+        if (refusal := insist(self._remove_empty)) is not None:
+            log.debug("%s: is left as it is: %s", self.folder, refusal)
         self._release()
+
+    def _remove_empty(self) -> None:
+        """Remove the folder if it has no state; others may have put something in."""
+        place = Path(os.path.realpath(self.folder))  # a link to it stays
+        if not self._generations():
+            place.rmdir()
 
     def _release(self) -> None:
         lock, self._lock = self._lock, -1
@@ -247,7 +249,7 @@ class Checkpoint:
 
     def _names(self) -> list[str]:
         try:
-            return os.listdir(self.folder)  # noqa: PTH208  # the names are what is wanted
+            return names_in(self.folder)
         except OSError as error:
             raise refused(self.folder, 0, error, "reading") from error
 

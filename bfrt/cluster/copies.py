@@ -12,7 +12,7 @@ from pathlib import Path
 from bfrt.errors import BfrtError, SettingError
 from bfrt.grid.marks import verify_marks
 from bfrt.paths import HEADER, header_at, is_file, is_folder, is_there
-from bfrt.refusals import calling, give_up
+from bfrt.refusals import calling, closing, give_up, in_memory
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.store.store import MADE, Store, open_store
 from bfrt.store.writer import check_new_store
@@ -55,12 +55,12 @@ def copy_store(
         If the source is no store, or its contents or the copy's differ from what was written.
     SettingError
         If the target cannot be a store, or is another one.
-    DiskFullError, StreamError
+    DiskFullError, StreamError, ResourceError
         If the system refuses; nothing is left behind.
     """
     store = open_store(source)
     path = check_new_store(target)
-    with _alone(path.parent):
+    with in_memory(f"{path}: copying a store"), _alone(path.parent):
         there = header_at(path) if is_folder(path) else b""
         if there and there != store.folder.header and not overwrite:
             raise SettingError(
@@ -113,17 +113,21 @@ def _copy(store: Store, folder: Path) -> None:
 def _copy_file(store: Store, path: Path, copy: Path) -> None:
     with calling(path, "opening"):
         source = FileIO(path, "rb", opener=store.folder.opener)
-    with source:
+    try:
         with calling(copy, "creating"):
             made = copy.open("wb", buffering=0)
-        with made:
-            while block := _block(source, path):
+        with closing(made, copy):
+            done = 0
+            while block := _block(source, path, done):
                 put(made, block, copy)
+                done += len(block)
+    finally:
+        give_up(source)
     sync_file(copy)
 
 
-def _block(source: FileIO, path: Path) -> bytes:
-    with calling(path, "reading", source.tell()):
+def _block(source: FileIO, path: Path, offset: int) -> bytes:
+    with calling(path, "reading", offset):
         return source.read(BLOCK)
 
 

@@ -11,7 +11,7 @@ from bfrt.checkpoint.state import HEADER as STATE
 from bfrt.checkpoint.state import Facts, SavedState, check_file
 from bfrt.errors import CheckpointError
 from bfrt.ids import stream_number, stream_of
-from bfrt.paths import HEADER, is_file, is_folder
+from bfrt.paths import HEADER, is_file, is_folder, walk
 from bfrt.records import Kind
 from bfrt.refusals import calling, refused
 from bfrt.store.file_facts import checksum_of
@@ -131,19 +131,16 @@ def settle_ordered(place: Path, stream: Facts) -> None:
 def remove_others(folder: Path, files: set[Path], folders: set[Path]) -> None:
     """Remove what is in a folder, but for some files and folders; links are none of them."""
 
-    def refuse(error: OSError) -> None:
-        raise refused(folder, 0, error, "reading") from error
-
-    for place, below, names in os.walk(folder, onerror=refuse):
-        links = [name for name in below if is_link(Path(place) / name)]
-        others = [name for name in below if Path(place) / name not in folders]
-        for name in set(others) - set(links):
-            removed(Path(place) / name)
-        below[:] = set(below) - set(links) - set(others)
-        for path in [Path(place) / name for name in (*names, *links)]:
-            if path not in files or is_link(path):
-                with calling(path, "removing"):
-                    path.unlink()
+    with calling(folder, "listing"):
+        for place, below, names in walk(folder):
+            for name in list(below):
+                if place / name not in folders:
+                    removed(place / name)
+                    below.remove(name)
+            for path in [place / name for name in names]:
+                if path not in files or is_link(path):
+                    with calling(path, "removing"):
+                        path.unlink()
 
 
 def is_link(path: Path) -> bool:

@@ -33,7 +33,7 @@ from bfrt.conversion.writing import Conversion, bytes_of, write_scene
 from bfrt.errors import BfrtError, SettingError
 from bfrt.formats.reading import Reading, Uses
 from bfrt.memory import default_memory
-from bfrt.paths import is_folder, path_of, without_links
+from bfrt.paths import is_folder, names_in, path_of, without_links
 from bfrt.progress import Done, DoneReport, staged
 from bfrt.refusals import calling
 from bfrt.scene import PathLike, Scene
@@ -215,8 +215,11 @@ class Sharding:
         """Remove shards that the file does not name."""
         named = {store.path.name for store in self._stores}
         named |= {record_of(store.path).name for store in self._stores}
-        for each in sorted(self.folder.iterdir()):
-            if NAMED.fullmatch(each.name) and each.name not in named:
+        with calling(self.folder, "listing"):
+            there = names_in(self.folder)
+        for name in there:
+            if NAMED.fullmatch(name) and name not in named:
+                each = self.folder / name
                 if is_folder(each):
                     remove_folder(each)
                 else:

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bfrt.errors import BfrtError
-from bfrt.paths import is_folder, without_links
+from bfrt.paths import is_folder, names_in, without_links
 from bfrt.refusals import refused
 from bfrt.shards.store import open_any
 from bfrt.store.store import Group, Store
@@ -95,7 +95,7 @@ def prepare_home(path: Path, store: Store) -> None:
 def stale(home: Path) -> Iterator[Path]:
     """Yield the folders in HOME whose store is gone, or is another one now."""
     try:
-        folders = sorted(home.iterdir()) if is_private(home, FOLDER) else []
+        folders = [home / name for name in names_in(home)] if is_private(home, FOLDER) else []
     except OSError:
         return
     for folder in folders:

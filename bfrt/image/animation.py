@@ -115,14 +115,28 @@ def encode_gif(images: Iterable[Image], hundredths: int, maker: Any) -> Iterator
         if number == 0:
             yield b"GIF89a" + struct.pack("<HHBBB", width, height, 0x70, 0, 0)
             yield b"\x21\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", 0) + b"\0"
-        packed = io.BytesIO()
-        maker.fromarray(image.srgb()).quantize(256).save(packed, "GIF")
-        frame = frame_of(packed.getvalue())
+        frame = frame_of(packed_gif(image, maker))
         yield b"\x21\xf9\x04\x04" + struct.pack("<H", hundredths) + b"\0\0"
         depth = (len(frame.palette) // 3).bit_length() - 2
         yield struct.pack("<BHHHHB", GIF_IMAGE, 0, 0, width, height, 0x80 | depth)
         yield frame.palette + frame.data
     yield bytes([GIF_END])
+
+
+def packed_gif(image: Image, maker: Any) -> bytes:
+    """Return a picture as a GIF of its own.
+
+    Raises
+    ------
+    MemoryError
+        If there is none, of which Pillow says that it has not come to colors, or to a file.
+    """
+    packed = io.BytesIO()
+    try:
+        maker.fromarray(image.srgb()).quantize(256).save(packed, "GIF")
+    except (ValueError, OSError) as error:
+        raise MemoryError(f"the 256 colors of a frame (Pillow: {error})") from error
+    return packed.getvalue()
 
 
 class Frame(NamedTuple):

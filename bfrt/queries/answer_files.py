@@ -4,7 +4,7 @@
 
     a folder of nothing else     made aside, and renamed as one; an answer that is there goes
     one that has other things    files take their names one after the other; where that fails
-                                 those that have theirs are removed again
+                                 what was there before comes back
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from bfrt.paths import is_folder, is_there, without_links
+from bfrt.paths import is_folder, is_there, names_in, without_links
 from bfrt.refusals import calling
 from bfrt.store.atomic_folder import AtomicFolder
 from bfrt.streams.atomic_write import atomic_paths, sync_file
@@ -66,7 +66,7 @@ def is_shared(folder: Path, names: Collection[str]) -> bool:
     if not is_folder(folder):
         return False
     with calling(folder, "listing"):
-        there = {path.name for path in folder.iterdir()}
+        there = set(names_in(folder))
     fixed = os.path.ismount(folder) or not os.access(folder.parent, os.W_OK | os.X_OK)
     return fixed or not there <= set(names)
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from bfrt.errors import SettingError
 from bfrt.paths import without_links
 from bfrt.refusals import calling, refused
-from bfrt.streams.atomic_write import sync_folder
+from bfrt.streams.atomic_write import sync_folder, sync_folders
 from bfrt.streams.exchange import exchange
 from bfrt.streams.litter import sweep
 from bfrt.streams.ownership import FOLDER, Owned, create_folder, lock, look_at
@@ -94,8 +94,8 @@ class AtomicFolder:
 
     def sync(self) -> None:
         """Make the entries of all its folders durable, where that is wanted."""
-        for folder, _, _ in os.walk(self.aside) if self.durable else ():
-            sync_folder(Path(folder))
+        if self.durable:
+            sync_folders(self.aside)
 
     def take_name(self) -> None:
         """Take the name from what has it; nothing has changed where that fails."""

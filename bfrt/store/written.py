@@ -7,7 +7,6 @@ off goes on at the first stream that is not in its last form.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -36,7 +35,7 @@ from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.order import Keeping, Ordering
 from bfrt.store.ordering.room import room_beside
 from bfrt.store.store import bounds_from
-from bfrt.streams.atomic_write import sync_folder
+from bfrt.streams.atomic_write import sync_folders
 from bfrt.streams.free import check_free
 from bfrt.workers import ahead, usable_threads
 
@@ -288,8 +287,7 @@ class WrittenGroup:
     def sync(self) -> None:
         """Make the entries of the group's folders durable, unless they are."""
         if self._making.durable and not self._synced:
-            for folder, _, _ in os.walk(self._folder):
-                sync_folder(Path(folder))
+            sync_folders(self._folder)
         self._synced = not any(stream.under_way for stream in self.streams)
 
     def settle(self) -> None:

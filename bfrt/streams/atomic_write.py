@@ -13,14 +13,16 @@ import errno
 import io
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from bfrt.errors import SettingError, StreamError
-from bfrt.paths import is_file, mode_at, path_of, without_links
+from bfrt.paths import is_file, mode_at, path_of, walk, without_links
 from bfrt.refusals import DISK_FULL, calling, closing, refused
+from bfrt.streams.exchange import exchange
 from bfrt.streams.litter import sweep
 from bfrt.streams.ownership import Owned, create_file, create_folder
-from bfrt.streams.removal import remove_file
+from bfrt.streams.removal import insist, remove_file
 
 #: What it says where folders cannot be synced: some network file systems, and folders that one
 #: may write to and not read.
@@ -60,7 +62,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]]:
     """Give temporary paths to write to, as `atomic_path` does, of files that all exist or none.
 
-    Where the last steps fail, the files that have their names already are removed again.
+    Where the last steps fail, names that files have got already go to what had them before, where
+    the system can exchange names; else these files are removed.
     """
     with _written([_target(path) for path in paths]) as temporaries:
         yield temporaries
@@ -70,7 +73,6 @@ def atomic_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
 def _written(targets: Sequence[Path], mode: int = 0o666) -> Iterator[list[Path]]:
     owned: list[Owned] = []
     temporaries: list[Path] = []
-    renamed: list[Path] = []
     try:
         for target in targets:
             owned.append(_create(target, mode))
@@ -78,11 +80,10 @@ def _written(targets: Sequence[Path], mode: int = 0o666) -> Iterator[list[Path]]
         yield temporaries
         for temporary in temporaries:
             sync_file(temporary)
-        for temporary, target in zip(temporaries, targets, strict=True):
-            renamed.append(target)
-            _rename(temporary, target)
+        _take_names(temporaries, targets)
     except BaseException as error:
-        _take_back(temporaries, renamed)
+        for temporary in temporaries:
+            remove_file(temporary)
         # Some systems only find out at close that there was no room.
         if isinstance(error, OSError) and error.errno in DISK_FULL:
             raise refused(targets[0], 0, error, "writing") from error
@@ -200,8 +201,8 @@ def staged_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
     """Give paths of files to make, which become `paths` when the block ends well: all or none.
 
     They have the suffixes of these, and lie in folders beside them that go when the block ends.
-    What the block makes is whole and synced, as by `atomic_path`. Where the last steps fail, the
-    files that have their names already are removed again.
+    What the block makes is whole and synced, as by `atomic_path`. Where the last steps fail, all
+    is as with `atomic_paths`.
     """
     targets = [_target(path) for path in paths]
     parents = dict.fromkeys(target.parent for target in targets)
@@ -212,14 +213,7 @@ def staged_paths(paths: Sequence[str | os.PathLike[str]]) -> Iterator[list[Path]
             for number, target in enumerate(targets)
         ]
         yield staged
-        renamed: list[Path] = []
-        try:
-            for path, target in zip(staged, targets, strict=True):
-                renamed.append(target)
-                _rename(path, target)
-        except BaseException:
-            _take_back(staged, renamed)
-            raise
+        _take_names(staged, targets)
     for parent in parents:
         sync_folder(parent)
 
@@ -237,6 +231,13 @@ def put(file: io.FileIO, data: bytes | memoryview, path: str | os.PathLike[str])
 def sync_file(path: Path) -> None:
     """Make a file's contents durable; `StreamError` if the system refuses."""
     _sync(path, os.O_RDWR)
+
+
+def sync_folders(folder: Path) -> None:
+    """Make the entries of a folder and of all below durable; `StreamError` as `sync_folder`."""
+    with calling(folder, "listing"):
+        for each, _, _ in walk(folder):
+            sync_folder(each)
 
 
 def sync_folder(folder: Path) -> None:
@@ -258,19 +259,53 @@ def _target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _take_back(temporaries: list[Path], renamed: list[Path]) -> None:
-    """Remove what was written, but where all have their names: they are whole, and stay.
+def _take_names(temporaries: Sequence[Path], targets: Sequence[Path]) -> None:
+    """Give files their names, all or none.
+
+    Where one of several cannot get its name, the others have what was there before again: the
+    two had changed places, if the system can do that.
+    """
+    if len(targets) == 1:
+        _rename(temporaries[0], targets[0])
+        return
+    with calling(targets[0], "examining"):
+        own = [path.stat() for path in temporaries]
+    try:
+        for temporary, target in zip(temporaries, targets, strict=True):
+            _swap(temporary, target)
+    except BaseException:
+        _take_back(temporaries, targets, own)
+        raise
+    for replaced in temporaries:
+        remove_file(replaced)
+
+
+def _take_back(
+    temporaries: Sequence[Path], targets: Sequence[Path], own: Sequence[os.stat_result]
+) -> None:
+    """Undo what `_take_names` did, but where all have their names: they are whole, and stay.
 
     Parameters
     ----------
-    renamed : list of Path
-        The names that the first of them have got; the last may have failed.
+    own : sequence of os.stat_result
+        What tells the new files from those that were there.
     """
-    left = [temporary for temporary in temporaries if temporary.exists()]
-    named = zip(temporaries, renamed, strict=False)
-    gone = [target for temporary, target in named if left and temporary not in left]
-    for path in (*left, *gone):
-        remove_file(path)
+    named = [_is_at(target, facts) for target, facts in zip(targets, own, strict=True)]
+    if all(named):
+        return
+    for temporary, target, has_name in zip(temporaries, targets, named, strict=True):
+        if has_name and temporary.exists():
+            insist(partial(exchange, temporary, target))
+        elif has_name:
+            remove_file(target)
+
+
+def _is_at(path: Path, facts: os.stat_result) -> bool:
+    """Tell whether a path is a file of which facts are known."""
+    try:
+        return os.path.samestat(path.lstat(), facts)
+    except OSError:
+        return False
 
 
 def _create(target: Path, mode: int) -> Owned:
@@ -296,5 +331,14 @@ def _sync(path: Path, flags: int) -> None:
 def _rename(temporary: Path, target: Path) -> None:
     try:
         temporary.replace(target)
+    except OSError as error:
+        raise refused(target, 0, error, "renaming to it") from error
+
+
+def _swap(temporary: Path, target: Path) -> None:
+    """Have a file change places with what has its name, or take the name where nothing has it."""
+    try:
+        if not mode_at(target) or not exchange(temporary, target):
+            temporary.replace(target)
     except OSError as error:
         raise refused(target, 0, error, "renaming to it") from error

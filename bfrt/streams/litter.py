@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from bfrt.paths import is_marked
+from bfrt.paths import is_marked, names_in
 from bfrt.streams.ownership import (
     CUT,
     FILE,
@@ -103,7 +103,7 @@ def clear(folder: Path, *, dry: bool = False) -> list[Litter]:
         Whether it is only looked for.
     """
     try:
-        names = sorted(path.name for path in folder.iterdir())
+        names = names_in(folder)
     except OSError:
         return []
     found: list[Litter] = []
@@ -196,7 +196,7 @@ def restore(target: Path) -> bool:
     while not os.path.lexists(target):
         stem = stem_of(target.name)
         try:
-            names = [parsed(path.name) for path in target.parent.iterdir()]
+            names = [parsed(name) for name in names_in(target.parent)]
         except OSError:
             return False
         pairs = [name for name in names if name and (name.stem, name.kind) == (stem, REPLACED)]

@@ -5,14 +5,20 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+import signal
+import subprocess
+import sys
+import time
 from collections import Counter
+from pathlib import Path
 
 import pytest
-from faults import shim
+from faults import shim, trial
 from faults.run import told_of
 from faults.shim import FAMILIES, FAULTS, Fault
 from faults.trial import Expected, Outcome, misplaced, unfit
-from faults.work import WORKS
+from faults.work import Work
+from faults.works import WORKS
 
 from bfrt.errors import ResourceError, StreamError
 
@@ -104,6 +110,59 @@ def test_an_exception_that_is_not_ours_is_seen(error, wrong):
 def test_a_child_that_died_counts_as_one_that_was_hit():
     assert Outcome({}, "", "hangs").was_hit(FAULTS[0], 3)
     assert not Outcome({"open": 2}, "", "").was_hit(Fault("open", errno.EIO), 3)
+
+
+class Unarmed:
+    """Stands for the shim, and knows whether a call is to fail."""
+
+    asked = shim.NEVER
+
+    def arm(self, fault, n):
+        self.asked = n
+
+    def disarm(self):
+        pass
+
+    def counts(self):
+        return dict.fromkeys(FAMILIES, 9)
+
+
+def test_a_child_that_hangs_is_ended_and_tells_where(tmp_path, monkeypatch):
+    refuser = Unarmed()
+
+    def waiting_for_ever(_):
+        if refuser.asked != shim.NEVER:
+            time.sleep(60)
+        return b""
+
+    monkeypatch.setattr(trial, "PATIENCE", 1)
+    monkeypatch.setitem(WORKS, "hang", Work(lambda _: None, waiting_for_ever))
+    trials = trial.Trials(refuser, tmp_path)
+    outcome = trials.run("hang", FAULTS[0], 3, trials.prepare("hang"))
+    assert outcome.wrong.startswith("hangs: ")
+    assert "in waiting_for_ever" in outcome.wrong
+
+
+def test_a_child_that_is_stopped_with_this_process_does_not_hang(tmp_path):
+    """Nothing runs meanwhile: what is stopped is a process that waits for its own child."""
+    code = (
+        "import os, sys, time; sys.path.insert(0, sys.argv[1]); from faults import trial\n"
+        "trial.PATIENCE = 3\n"
+        "child = os.fork()\n"
+        "if not child: time.sleep(1.5); os._exit(0)\n"
+        "print(child, flush=True); print(trial.ended_in_time(child))"
+    )
+    waiting = subprocess.Popen(
+        [sys.executable, "-c", code, str(Path(__file__).parents[1])],
+        cwd=tmp_path, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    both = (int(waiting.stdout.readline()), waiting.pid)
+    for process in both:
+        os.kill(process, signal.SIGSTOP)
+    time.sleep(5)
+    for process in both:
+        os.kill(process, signal.SIGCONT)
+    assert waiting.communicate(timeout=30)[0] == "True\n"
 
 
 def test_the_shim_has_all_families(tmp_path):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import gc
 import hashlib
 import json
 import os
+import select
 import shutil
 import signal
 import sys
@@ -15,12 +17,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from faults.shim import NEVER, Fault, Shim
-from faults.work import WORKS
+from faults.works import WORKS
 
 from bfrt.errors import BfrtError, StreamError
 
-#: Seconds after which a trial is one that hangs.
+#: Seconds after which a trial is one that hangs. They are counted one by one, while this process
+#: runs: where somebody stops it and its child for a while, none passes.
 PATIENCE = 30
+
+#: Characters that are told of what a child says that died: where it was comes first.
+TOLD = 1500
 
 #: Of what it says on standard error: nobody caught this, or could not.
 UNCAUGHT = ("Traceback", "Exception ignored", "panicked", "terminate called")
@@ -98,6 +104,15 @@ def unfit(error: BaseException) -> str:
     return ""
 
 
+def ended_in_time(child: int) -> bool:
+    """Wait for a child to end, or to have been waited for too long; tell whether it has ended."""
+    ended = os.pidfd_open(child)
+    try:
+        return any(select.select([ended], [], [], 1.0)[0] for _ in range(PATIENCE))
+    finally:
+        os.close(ended)
+
+
 class Trials:
     """Runs works in children.
 
@@ -132,7 +147,7 @@ class Trials:
         done = not told.get("error") or WORKS[name].resumes
         said = (self._folder / "stderr").read_text(errors="replace")
         if told.get("died"):
-            return Outcome({}, "", f"{told['died']}: {said[-200:]}")
+            return Outcome({}, "", f"{told['died']}: {said[:TOLD]}")
         wrong = told["unfit"] or misplaced(tree_of(self._folder / "trial"), expected, done=done)
         if not wrong and done and told["value"] != expected.value:
             wrong = "another result"
@@ -157,20 +172,21 @@ class Trials:
                 self._redirect()
                 self._serve(call, (fault, n), told, again)
             os._exit(0)
+        hangs = not ended_in_time(child)
+        if hangs:
+            os.kill(child, signal.SIGABRT)  # which tells where it is
         _, status = os.waitpid(child, 0)
         if os.WIFSIGNALED(status):
-            number = os.WTERMSIG(status)
-            return {"died": "hangs" if number == signal.SIGALRM else f"signal {number}"}
+            return {"died": "hangs" if hangs else f"signal {os.WTERMSIG(status)}"}
         if not told.exists():
             return {"died": f"exit status {os.WEXITSTATUS(status)}"}
         return json.loads(told.read_text())
 
     def _redirect(self) -> None:
-        """Have what a child says in a file, and an end to its patience."""
+        """Have what a child says in a file, and where it is when it dies."""
         said = os.open(self._folder / "stderr", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(said, 2)
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(PATIENCE)
+        faulthandler.enable(2)
 
     def _serve(self, call, fault: tuple[Fault, int], told: Path, again) -> None:
         value, error, reason = b"", "", ""

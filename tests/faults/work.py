@@ -16,7 +16,7 @@ from unittest import mock
 
 import numpy as np
 from checkpoints import Killed, Stop
-from faults.conversions import CONVERSIONS, npy, obj, raster
+from faults.conversions import npy, obj, raster
 from injected import dividing
 
 import bfrt
@@ -82,8 +82,12 @@ def converting(prepare: Callable[[Path], object], name: str, *, again: bool = Fa
 
 def scene(folder: Path, *, order: str = "auto") -> None:
     """All five kinds, mirrors and glass."""
+    write_scene(folder / "in" / "s.bfrt", order)
+
+
+def write_scene(path: Path, order: str = "auto") -> None:
     rng = np.random.default_rng(5)
-    with bfrt.SceneWriter(folder / "in" / "s.bfrt", dtype="float32", order=order) as writer:
+    with bfrt.SceneWriter(path, dtype="float32", order=order) as writer:
         writer.camera(bfrt.Camera((0, -6, 1), (0, 0, 0), resolution=FRAME))
         writer.light(bfrt.Light((4, -5, 6)))
         matt = writer.material(bfrt.Material((0.9, 0.7, 0.5), 0.8))
@@ -129,14 +133,16 @@ def past_the_cache(given):
     return replace(tight(given), kept=5000, cached=False)
 
 
-def opened(folder: Path, divide) -> bfrt.Scene:
-    made = bfrt.open(folder / "in" / "s.bfrt")
+def opened(folder: Path, divide, name: str = "s.bfrt") -> bfrt.Scene:
+    made = bfrt.open(folder / "in" / name)
     return made if divide is None else dividing(made, divide)
 
 
-def rendering(refine: str, divide=None, suffix: str = ".exr", make=scene) -> Work:
+def rendering(
+    refine: str, divide=None, suffix: str = ".exr", make=scene, name: str = "s.bfrt"
+) -> Work:
     def run(folder: Path) -> bytes:
-        with opened(folder, divide) as held:
+        with opened(folder, divide, name) as held:
             image = held.render(
                 refine=refine,
                 threads=2,
@@ -151,7 +157,7 @@ def rendering(refine: str, divide=None, suffix: str = ".exr", make=scene) -> Wor
 
 
 def asking(query: str, refine: str, divide=None, make=scene) -> Work:
-    """A query whose answer goes to a folder, in which another stood before."""
+    """A query by rays whose answer goes to a folder, in which another stood before."""
 
     def ask(folder: Path, n: int) -> dict[str, np.ndarray]:
         rng = np.random.default_rng(3)
@@ -161,6 +167,26 @@ def asking(query: str, refine: str, divide=None, make=scene) -> Work:
                 origins, -origins, refine=refine, threads=2, memory="512MiB",
                 scratch=folder / "tmp", out=folder / "out" / "answer",
             )  # fmt: skip
+
+    return answering(ask, make)
+
+
+def asking_points(query: str, refine: str, divide=None, make=scene, **how) -> Work:
+    """A query by points."""
+
+    def ask(folder: Path, n: int) -> dict[str, np.ndarray]:
+        points = np.random.default_rng(3).uniform(-3, 3, (n // 4, 3))
+        with opened(folder, divide) as held:
+            return getattr(held, query)(
+                points, refine=refine, threads=2, memory="512MiB",
+                scratch=folder / "tmp", out=folder / "out" / "answer", **how,
+            )  # fmt: skip
+
+    return answering(ask, make)
+
+
+def answering(ask: Callable[[Path, int], dict[str, np.ndarray]], make) -> Work:
+    """A work that asks a scene, and before that less."""
 
     def prepare(folder: Path) -> None:
         make(folder)
@@ -283,44 +309,3 @@ def saving(suffix: str) -> Work:
         (folder / "out" / f"a{suffix}").write_bytes(b"a picture that was there")
 
     return Work(prepare, run)
-
-
-#: Faults at which a library ends the process, or prints, before anybody else hears of them.
-BEYOND = {
-    # lazrs is written in Rust, where memory that is refused ends the process, and it prints where
-    # its threads are refused.
-    "convert laz": ("memory ENOMEM", "memory ENOMEM lasting", "thread EAGAIN",
-                    "thread EAGAIN lasting"),
-    # HDF5 reads through a null pointer where all of its requests are refused.
-    "convert hdf5": ("memory ENOMEM lasting",),
-    "convert hdf5, gzip": ("memory ENOMEM lasting",),
-    "convert hdf5, virtual": ("memory ENOMEM lasting",),
-}  # fmt: skip
-
-WORKS: dict[str, Work] = {
-    **{name: converting(*asked, **how) for name, (asked, how) in CONVERSIONS.items()},
-    "viewshed": looking(),
-    "render by treelets": rendering("tree"),
-    "render by treelets, spooled": rendering("tree", on_disk, ".png"),
-    "render by treelets, past the cache": rendering("tree", past_the_cache, ".npy", many),
-    "render by a grid": rendering("sgb", None, ".npy", as_given),
-    "render by a grid, spooled": rendering("sgb", on_disk, ".exr", as_given),
-    "cast_rays": asking("cast_rays", "tree"),
-    "cast_rays, spooled": asking("cast_rays", "sgb", tight),
-    "occluded": asking("occluded", "tree", tight),
-    "count_intersections": asking("count_intersections", "sgb"),
-    "list_intersections": asking("list_intersections", "tree"),
-    "cast_rays, past the cache": asking("cast_rays", "tree", past_the_cache, many),
-    "list_intersections, spooled": asking("list_intersections", "tree", tight),
-    "convert, kept": Work(two_files, converted, resumes=True),
-    "convert, resumed": Work(broken_off_conversion, converted, resumes=True),
-    "render by treelets, kept": keeping(partial(rendered, "tree"), "auto"),
-    "render by treelets, resumed": resuming(partial(rendered, "tree"), "auto"),
-    "render by a grid, kept": keeping(partial(rendered, "sgb"), "given"),
-    "render by a grid, resumed": resuming(partial(rendered, "sgb"), "given"),
-    "cast_rays, kept": keeping(partial(asked, "cast_rays", "tree"), "auto"),
-    "list_intersections, resumed": resuming(partial(asked, "list_intersections", "sgb"), "given"),
-    "save exr": saving(".exr"),
-    "save png": saving(".png"),
-    "save npy": saving(".npy"),
-}

@@ -144,6 +144,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="the first input of our mutator")
     parser.add_argument("--engine", choices=("atheris", "own"))
+    parser.add_argument("--alone", action="store_true", help="read files, and make no store")
     parser.add_argument("--keep", type=Path, default=Path("findings"), help="where findings go")
     parser.add_argument(
         "--corpus", type=Path, help="where atheris keeps what is new, and ours begins"
@@ -169,6 +170,7 @@ def run(asked: argparse.Namespace, folder: Path) -> bool:
             importlib.import_module("bfrt.conversion.convert")
             importlib.import_module("fuzz.harnesses")
     quiet()
+    importlib.import_module("fuzz.readers").alone = asked.alone
     session = Session(asked.name, folder, asked.keep.absolute())
 
     def end() -> None:

@@ -20,6 +20,7 @@ import pcd_files
 import ply_files
 import raster_files
 import stl_files
+from fuzz.alone import read
 from fuzz.packing import packed, put, unpacked
 from fuzz.trial import Harness, of_bytes, of_files
 
@@ -62,18 +63,21 @@ def choice(data: bytes) -> int:
     return zlib.crc32(data)
 
 
+#: Whether files are only read: `fuzz.py --alone`.
+alone = False
+
+
 def convert(data: bytes, folder: Path, name: str, settings: Settings) -> None:
-    """Convert a file that is there, by settings that the input chooses."""
+    """Convert a file that is there, or only read it, by settings that the input chooses."""
     chosen = choice(data)
+    how = settings[chosen // 2 % len(settings)]
+    if alone:
+        read(folder / "in" / name, how, folder / "tmp")
+        return
     with bfrt.convert(
-        folder / "in" / name,
-        folder / "out" / "a.bfrt",
-        order=ORDERS[chosen % 2],
-        memory=MEMORY,
-        scratch=folder / "tmp",
-        durable=False,
-        **settings[chosen // 2 % len(settings)],
-    ) as scene:
+        folder / "in" / name, folder / "out" / "a.bfrt", order=ORDERS[chosen % 2],
+        memory=MEMORY, scratch=folder / "tmp", durable=False, **how,
+    ) as scene:  # fmt: skip
         scene.verify()
 
 

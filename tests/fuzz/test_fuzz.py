@@ -9,8 +9,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
-from fuzz import readers
+from fuzz import alone, readers
 from fuzz.folders import in_memory
 from fuzz.harnesses import HARNESSES
 from fuzz.mutator import FilesMutator, Mutator
@@ -18,6 +19,7 @@ from fuzz.packing import packed, unpacked
 from fuzz.trial import Finding, Trials, of_bytes
 
 from bfrt.errors import ResourceError, SceneError
+from bfrt.records import Kind
 
 COMMAND = Path(__file__).with_name("fuzz.py")
 
@@ -46,6 +48,16 @@ def test_some_inputs(tmp_path):
     for each in told:
         assert each["inputs"] == sum(each["outcomes"].values()) == FEW
         assert len(each["outcomes"]) > 1, "all inputs end in the same way"
+
+
+def test_readers_alone_make_no_store(tmp_path):
+    """They tell the same of an input as a conversion, but for what is done with the store."""
+    alone, whole = (
+        fuzzed(tmp_path, "stl", "--engine", "own", "--inputs=99", *more, seconds=SECONDS[FEW])
+        for more in (["--alone"], [])
+    )
+    assert alone[0]["outcomes"] == whole[0]["outcomes"]
+    assert len(alone[0]["outcomes"]) > 1
 
 
 @pytest.mark.slow
@@ -126,6 +138,18 @@ def test_what_is_wrong_is_found(tmp_path, run, kind, words):
         trials.try_one(b"an input")
     assert (tmp_path / "current").read_bytes() == b"an input"
     assert not trials.outcomes
+
+
+@pytest.mark.parametrize(
+    ("records", "materials"),
+    [(np.zeros((3, 9)), [0, 0]), (np.zeros((3, 8)), [0] * 3), (np.zeros((1, 9), int), [0]),
+     (np.zeros((1, 9)), [1])],
+)  # fmt: skip
+def test_what_a_reader_may_not_give_a_sink_is_found(records, materials):
+    sink = alone.Checked()
+    sink.append(Kind.TRIANGLE, np.zeros((2, 9)), np.array([sink.material("plain")] * 2))
+    with pytest.raises(AssertionError):
+        sink.append(Kind.TRIANGLE, records, np.array(materials))
 
 
 def test_files_that_stay_open_are_found(tmp_path):

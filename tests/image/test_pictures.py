@@ -188,17 +188,19 @@ def test_all_are_written_or_none(images, tmp_path, monkeypatch):
 
 
 def test_a_name_that_is_refused_at_the_end(images, tmp_path, monkeypatch):
-    """Those that have their names already are removed again."""
+    """Those that have their names already go, and what was there is there again."""
     from bfrt.streams import atomic_write
 
-    rename = atomic_write._rename
+    swap = atomic_write._swap
+    (tmp_path / "a1.png").write_bytes(b"before")
 
     def refusing(path, target):
         if target.name == "a3.png":
             raise StreamError(target, 0, errno.EPERM, "renaming to it")
-        rename(path, target)
+        swap(path, target)
 
-    monkeypatch.setattr(atomic_write, "_rename", refusing)
+    monkeypatch.setattr(atomic_write, "_swap", refusing)
     with pytest.raises(StreamError, match=r"a3.png: renaming to it"):
         images.save(tmp_path / "a{}.png")
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["a1.png"]
+    assert (tmp_path / "a1.png").read_bytes() == b"before"

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from bfrt.errors import DiskFullError, SettingError, StreamError
+from bfrt.streams import atomic_write
 from bfrt.streams.atomic_write import atomic_path, atomic_paths, put
+from bfrt.streams.exchange import exchange
 
 
 def names(folder):
@@ -38,26 +40,48 @@ def test_failure_leaves_the_old_file_and_nothing_else(tmp_path, error):
     assert names(tmp_path) == ["a.bin"]
 
 
+@pytest.mark.parametrize("old", ["", "a", "c", "ab", "abc"])
 @pytest.mark.parametrize("named", range(4))
-def test_several_files_have_their_names_or_none_has(tmp_path, monkeypatch, named):
-    """Whatever they take the place of; those that all have their names stay."""
+def test_several_files_have_their_names_or_none_has(tmp_path, monkeypatch, named, old):
+    """What they take the place of comes back; those that all have their names stay."""
     targets = [tmp_path / name for name in "abc"]
-    rename, done = Path.replace, []
+    for name in old:
+        (tmp_path / name).write_bytes(b"old")
+    done = []
 
-    def interrupted(path, target):
-        if len(done) == named:
-            raise KeyboardInterrupt
-        done.append(rename(path, target))
-        if len(done) == named == 3:
-            raise KeyboardInterrupt
+    def interrupted(call):
+        def called(path, target):
+            if len(done) == named:
+                done.append(None)  # what is undone is not interrupted
+                raise KeyboardInterrupt
+            made = call(path, target)
+            done.append(target)
+            if done == targets:
+                raise KeyboardInterrupt
+            return made
 
-    targets[2].write_bytes(b"old")
-    monkeypatch.setattr(Path, "replace", interrupted)
+        return called
+
+    monkeypatch.setattr(Path, "replace", interrupted(Path.replace))
+    monkeypatch.setattr(atomic_write, "exchange", interrupted(exchange))
     with pytest.raises(KeyboardInterrupt), atomic_paths(targets) as paths:
         for path in paths:
             path.write_bytes(b"new")
-    assert names(tmp_path) == (["a", "b", "c"] if named == 3 else ["c"])
-    assert targets[2].read_bytes() == (b"new" if named == 3 else b"old")
+    found = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert found == dict.fromkeys("abc" if named == 3 else old, b"new" if named == 3 else b"old")
+
+
+def test_without_exchanges_a_file_that_was_replaced_is_gone_where_another_fails(
+    tmp_path, monkeypatch
+):
+    """It is not half there, as documented: some systems cannot exchange names."""
+    targets = [tmp_path / name for name in "ab"]
+    targets[0].write_bytes(b"old")
+    monkeypatch.setattr(atomic_write, "exchange", lambda *_: False)
+    with pytest.raises(StreamError, match="renaming to it"), atomic_paths(targets) as paths:
+        targets[1].mkdir()
+        (targets[1] / "x").touch()
+    assert names(tmp_path) == ["b"] and len(paths) == 2
 
 
 def test_files_of_which_one_is_gone_leave_the_old_ones(tmp_path):
