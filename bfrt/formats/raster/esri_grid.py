@@ -9,11 +9,9 @@ import re
 
 from bfrt.errors import SceneError
 from bfrt.formats.lines._lines import Ragged
+from bfrt.formats.lines.head import LOOK
 from bfrt.formats.raster.facts import Place
 from bfrt.formats.source import Source, quoted
-
-#: Bytes in which the header ends.
-LOOK = 1 << 16
 
 #: The header: names, each with its value.
 HEADER = re.compile(
