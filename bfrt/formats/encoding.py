@@ -19,6 +19,9 @@ MARKS = {
 #: Bytes of the longest mark.
 MARK_BYTES = max(map(len, MARKS))
 
+#: The mark of UTF-32, which is not read, and which begins as that of UTF-16 does.
+NOT_READ = codecs.BOM_UTF32_LE
+
 
 def mark_of(head: bytes) -> bytes:
     """Return the byte order mark that a text begins with, empty if none."""
@@ -57,7 +60,8 @@ class Decoder:
         if self._held is not None:
             piece = self._held + piece
             self._held = piece
-            if not final and any(mark.startswith(piece) and mark != piece for mark in MARKS):
+            longer = (mark for mark in (*MARKS, NOT_READ) if mark != piece)
+            if not final and any(mark.startswith(piece) for mark in longer):
                 return b""
             piece = self._begin(piece)
         return piece if self._units is None else self._transcoded(piece, final=final)
@@ -65,6 +69,11 @@ class Decoder:
     def _begin(self, head: bytes) -> bytes:
         """Choose the encoding by the mark; return the bytes behind it."""
         self._held = None
+        if head.startswith(NOT_READ):
+            raise SceneError(
+                f"{self._name}: byte 0: found the byte order mark of UTF-32, expected that "
+                "of UTF-8 or UTF-16, or none"
+            )
         mark = mark_of(head)
         if MARKS.get(mark, "utf-8") != "utf-8":
             self._units = codecs.getincrementaldecoder(MARKS[mark])()

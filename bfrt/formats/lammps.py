@@ -19,7 +19,15 @@ from bfrt.formats.column_contents import rows_of_columns
 from bfrt.formats.columns import POSITION, ColumnPoints, combined, refuse_repeated
 from bfrt.formats.contents import Row
 from bfrt.formats.lines._lines import MOST_COLUMNS
-from bfrt.formats.lines.head import BLANK, COUNT_DIGITS, LINE, Head, Place, is_number
+from bfrt.formats.lines.head import (
+    BLANK,
+    COUNT_DIGITS,
+    LINE,
+    Head,
+    Place,
+    ends_in,
+    is_number,
+)
 from bfrt.formats.lines.table import LineTable, Names
 from bfrt.formats.object_writer import ObjectWriter, SceneSink
 from bfrt.formats.points import write_points
@@ -99,12 +107,6 @@ def frames_of(source: Source) -> Iterator[Place]:
             begin += len(FRAME)
         line += ends_in(text, done, len(text))
         at += len(text) - 1
-
-
-def ends_in(text: bytes, begin: int, end: int) -> int:
-    """Count the ends of lines in a part of a text: LF, CR LF or CR."""
-    each = text.count(b"\n", begin, end) + text.count(b"\r", begin, end)
-    return each - text.count(b"\r\n", begin - 1, end)
 
 
 def lines_from(source: Source, place: Place) -> Iterator[tuple[bytes, Place]]:

@@ -275,9 +275,10 @@ class ObjectWriter:
                 if len(row):  # as far as a corner that is not finite is shown
                     row = row[max(int(np.argmin(finite(row))) - 2, 0) :]
             expected = "numbers" if counts is None else "coordinates of three corners or more"
+            most = f", up to {LARGEST:.3g}" if len(row) and too_large(row) else ""
             raise SceneError(
                 f"{self.name}: {what} {first + bad}: found {numbers_of(row)}, "
-                f"expected finite {expected}"
+                f"expected finite {expected}{most}"
             )
         self.dropped += int(len(good) - good.sum())
         return good
@@ -304,6 +305,11 @@ def finite(numbers: NDArray[Any]) -> NDArray[np.bool_]:
     """Tell which rows are finite, as float32 too; a NaN fails every comparison."""
     good: NDArray[np.bool_] = np.all(np.abs(numbers) <= LARGEST, axis=1)
     return good
+
+
+def too_large(numbers: NDArray[Any]) -> bool:
+    """Tell whether all numbers are finite, but not all as float32."""
+    return bool(np.isfinite(numbers).all() and np.abs(numbers).max() > LARGEST)
 
 
 def has_length(normals: NDArray[Any]) -> NDArray[np.bool_]:

@@ -1,7 +1,8 @@
 """Boxes of records, and what all of them together reach: the writer's loops."""
 
 cimport cython
-from libc.math cimport INFINITY, isfinite
+from libc.float cimport DBL_MAX, FLT_MAX
+from libc.math cimport INFINITY, fabs
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 import numpy as np
@@ -10,11 +11,15 @@ from bfrt.geometry.box cimport Box, box_add, box_clear
 from bfrt.geometry.coordinates cimport Frame, number
 from bfrt.geometry.shape cimport Shape, shape_bounds, shape_load
 from bfrt.geometry.vector cimport larger, vec
+from bfrt.records cimport PATCH
 
 from bfrt.records import Kind
 
 cpdef enum:
     LARGEST = 64  # boxes kept aside while a group is written
+
+cdef enum:
+    NORMALS = 9   # numbers of a patch before its normals
 
 ctypedef fused scalar:
     float
@@ -36,10 +41,12 @@ cdef struct Large:
     Box box
 
 
-cdef bint finite(const unsigned char* record, int64_t n, bint wide) noexcept nogil:
+cdef bint up_to(double most, const unsigned char* record, int64_t first, int64_t end,
+                bint wide) noexcept nogil:
+    """Tell whether numbers of a record are no larger than the most, as none is that is NaN."""
     cdef int64_t i
-    for i in range(n):
-        if not isfinite(number(record, i, wide)):
+    for i in range(first, end):
+        if not fabs(number(record, i, wide)) <= most:
             return False
     return True
 
@@ -55,11 +62,14 @@ cdef int64_t bound_all(const Block* block, Box* boxes, int64_t n,
         numbers = block.scalars
         if block.counted:
             numbers *= block.counts[i]
-        if not finite(record, numbers, wide):
+        if not up_to(DBL_MAX, record, 0, numbers, wide):
+            return i
+        # Of normals, which are in no box, the squares have to be finite too.
+        if block.kind == PATCH and not up_to(FLT_MAX, record, NORMALS, numbers, wide):
             return i
         if shape_load(block.kind, record, block.counts[i], &block.frame, &shape):
             shape_bounds(&shape, &boxes[i])
-            if not finite(<const unsigned char*>&boxes[i], 6, False):
+            if not up_to(FLT_MAX, <const unsigned char*>&boxes[i], 0, 6, False):
                 return i
         else:
             box_clear(&boxes[i])

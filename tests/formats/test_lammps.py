@@ -121,7 +121,7 @@ def test_radii_and_colors(tmp_path):
     [
         ("ITEM: TIMESTEP", "ITEM: STEP", "found no line ITEM: TIMESTEP, expected a dump of LAMMPS"),
         ("ATOMS\n2", "ATOMS\n3", "found 2 rows, expected 3: the file is truncated or its count"),
-        ("ATOMS\n2", "ATOMS\n1", "line 10: found '2 2 "),
+        ("ATOMS\n2", "ATOMS\n1", "line 11: found '2 2 "),
         ("ATOMS\n2", "ATOMS\n-2", "line 4: found '-2', expected the number of atoms"),
         ("ATOMS\n2", "ATOMS\n9999999999999999", "found 2 rows, expected 9999999999999999"),
         ("0 10\n", "0 ten\n", "line 6: found '0 ten', expected two bounds of the box"),

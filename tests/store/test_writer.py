@@ -494,6 +494,19 @@ def test_what_float32_boxes_cannot_hold_is_named(folder, far, dtype):
         writer.triangles(np.array([np.eye(3), far * np.eye(3)]))
 
 
+@pytest.mark.parametrize("far", [1e39, 1e200, -1e308])
+@pytest.mark.parametrize("dtype", [None, "float32"])
+def test_normals_that_float32_has_not_are_named(folder, far, dtype):
+    """Of longer ones the square is infinite, and there would be no shading normal."""
+    normals = np.ones((2, 3, 3))
+    normals[1, 2, 2] = far
+    with (
+        pytest.raises(SceneError, match=r"^patch 1: .* too large for float32"),
+        StoreWriter(folder / "a.bfrt", dtype=dtype, origin=(0, 0, 0)) as writer,
+    ):
+        writer.patches(np.array([np.eye(3), np.eye(3)]), normals)
+
+
 N3 = np.zeros((4, 3), np.float32)
 N33 = np.zeros((4, 3, 3), np.float32)
 

@@ -43,6 +43,12 @@ NO_NAME = "-"
 LINE = re.compile(rb"[^\r\n]*(?:\r\n|\r|\n|\Z)")
 
 
+def ends_in(text: bytes, begin: int, end: int) -> int:
+    """Count the ends of lines in a part of a text, LF, CR LF or CR, which has a byte before."""
+    each = text.count(b"\n", begin, end) + text.count(b"\r", begin, end)
+    return each - text.count(b"\r\n", begin - 1, end)
+
+
 class Place(NamedTuple):
     """Marks a place in a text: a byte, and its line."""
 

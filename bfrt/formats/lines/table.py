@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -11,13 +13,13 @@ from numpy.typing import NDArray
 from bfrt.errors import SceneError
 from bfrt.formats.colors import full_of
 from bfrt.formats.lines._lines import Columns, Fault
-from bfrt.formats.lines.head import Head
+from bfrt.formats.lines.head import Head, ends_in
 from bfrt.formats.lines.mistaken import in_place_of_comma
 from bfrt.formats.points import POINTS_AT_ONCE
 from bfrt.formats.source import Source, printable, quoted
 
-#: What may be behind the last row of a table that is not a file's last.
-BLANKS = b" \t\r\n\v\f"
+#: What may be behind the last row: blanks, ends of lines, and comments.
+NOTHING = re.compile(rb"(?:[ \t\r\n\v\f]+|#[^\r\n]*)*")
 
 
 class LineTable:
@@ -69,7 +71,7 @@ class LineTable:
                 block = values[first : first + POINTS_AT_ONCE]
                 yield block if wanted == [*range(len(once))] else block[:, wanted]
             if lines.done:
-                self._check_end(chunk[1 + used : -1].tobytes(), chunks, lines)
+                self._check_end(itertools.chain([chunk], chunks), 1 + used, lines)
                 break
         if head.rows is not None and not lines.done:
             raise SceneError(
@@ -77,14 +79,21 @@ class LineTable:
                 "truncated or its count is wrong"
             )
 
-    def _check_end(self, left: bytes, chunks: Iterator[NDArray[Any]], lines: Columns) -> None:
-        """Refuse a table that has more rows than was promised."""
-        left = left.lstrip(BLANKS)
-        while not left and (chunk := next(chunks, None)) is not None:
-            left = chunk[1:-1].tobytes().lstrip(BLANKS)
-        if left and not (self._behind and left.startswith(self._behind)):
+    def _check_end(self, chunks: Iterator[NDArray[Any]], at: int, lines: Columns) -> None:
+        """Refuse a table that has more rows than was promised, from a byte of a chunk on."""
+        line = lines.line
+        for chunk in chunks:
+            text = chunk[:-1].tobytes()
+            end = NOTHING.match(text, at).end()  # type: ignore[union-attr]  # of any text
+            line += ends_in(text, at, end)
+            if end < len(text):
+                break
+            at = 1
+        else:
+            return
+        if not (self._behind and text.startswith(self._behind, end)):
             raise SceneError(
-                f"{self.name}: line {lines.line}: found {quoted(left.splitlines()[0])} behind "
+                f"{self.name}: line {line}: found {quoted(text[end:].splitlines()[0])} behind "
                 f"{lines.rows} rows, expected no more: the count is wrong"
             )
 

@@ -27,7 +27,7 @@ from rasterio.windows import Window
 
 from bfrt.errors import BudgetError, SceneError, SettingError
 from bfrt.formats.raster.facts import Facts, Place
-from bfrt.formats.raster.suffixes import DRIVERS
+from bfrt.formats.raster.suffixes import DRIVERS, OPENINGS
 from bfrt.formats.remote.serving import Answer, Verbs, serve
 from bfrt.formats.source import said
 from bfrt.memory import format_memory
@@ -100,7 +100,7 @@ class Server:
         self._complaints = Complaints()
         driver = DRIVERS[Path(path).suffix.lower()]
         with self._asking(f"what GDAL's driver {driver} reads"):
-            self._file = rasterio.open(path, driver=driver)
+            self._file = rasterio.open(path, driver=driver, **OPENINGS.get(driver, {}))
         if not 1 <= band <= self._file.count:
             raise SettingError(
                 f"{path}: found band={band}, expected 1 to {self._file.count}, as the file has"

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from bfrt.errors import SceneError, SettingError
 from bfrt.formats.contents import COLOR, Row
+from bfrt.formats.gzipped import suffix_of
 from bfrt.formats.object_writer import LARGEST, ObjectWriter, SceneSink
 from bfrt.formats.raster.cells import triangles_in
+from bfrt.formats.raster.esri_grid import check_grid
 from bfrt.formats.raster.facts import Facts, check_place
 from bfrt.formats.raster.remote import RemoteRaster, Rows
+from bfrt.formats.raster.suffixes import DRIVERS, GRID
 from bfrt.formats.reading import RASTERS, Reading
 from bfrt.formats.remote.process import is_installed
 from bfrt.formats.room import need_of
@@ -66,6 +69,8 @@ class Terrain:
         check_place(path, self.facts.place)
         if self.facts.degrees and reading.height_scale is None:
             raise SettingError(self._in_degrees())
+        if DRIVERS[suffix_of(path)] == GRID:
+            check_grid(path, self.facts.place)
 
     def _in_degrees(self) -> str:
         x, y = self.facts.place.middle

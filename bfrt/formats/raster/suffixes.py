@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+#: The driver of Esri's grids, which are text.
+GRID = "AAIGrid"
+
 #: A file of any other format, whatever its name, is refused.
 DRIVERS = {
     ".tif": "GTiff",
     ".tiff": "GTiff",
     ".vrt": "VRT",
-    ".asc": "AAIGrid",
+    ".asc": GRID,
     ".hgt": "SRTMHGT",
     ".img": "HFA",
     ".bil": "EHdr",
@@ -17,3 +20,7 @@ DRIVERS = {
     ".dt1": "DTED",
     ".dt2": "DTED",
 }
+
+#: What drivers are told when they open a file. By itself GDAL takes the numbers of a grid, all of
+#: them, for integers of 32 bits where the first have no decimal point.
+OPENINGS = {GRID: {"DATATYPE": "Float64"}}

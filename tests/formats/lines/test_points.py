@@ -189,7 +189,8 @@ def test_colors(tmp_path):
         ('1,2,3\n4,"5,6\n', "line 2: found"),
         ("1,5;2;3\n", "line 1: found '1,5', expected the number of x"),
         ("3\n1 2 3\n4 5 6\n", "found 2 rows, expected 3: the file is truncated or its count is"),
-        ("1\n1 2 3\n4 5 6\n", "line 2: found '4 5 6' behind 1 rows, expected no more: the count"),
+        ("1\n1 2 3\n4 5 6\n", "line 3: found '4 5 6' behind 1 rows, expected no more: the count"),
+        ("1\n1 2 3\n\n# no\r\n \r4 5\n", "line 6: found '4 5' behind 1 rows, expected no more"),
         ("999999999999999999\n1 2 3\n", "found 1 rows, expected 999999999999999999: the file"),
         ("9999999999999999999\n1 2 3\n", "found 1 columns, expected x, y and z, and what belongs"),
         ("x y z\n1 2 3 4\n", "line 1: found 'x y z' before a row of 4 columns, expected a name"),
@@ -199,6 +200,7 @@ def test_colors(tmp_path):
         ("2\nof water\nO 1 2 3\n", "line 2: found 'of water' before a row of 4 columns, expected"),
         ("2\nwater\nO 1 2 3\n", "found 1 columns, expected x, y and z, and what belongs to them"),
         ("1 2 3\n1 nan 3\n", "point 1: found 1 nan 3 1, expected finite numbers"),
+        ("1 2 3\n1 2 -1e39\n", "point 1: found 1 2 -1e+39 1, expected finite numbers, up to 3"),
         ("1 2 3\n" + "7" * 65 + " 2 3\n", "line 2: found '7777"),
     ],
 )
@@ -207,6 +209,18 @@ def test_bad_files(tmp_path, text, said):
     path.write_text(text)
     assert failure(path, radius=1).startswith(said)
     assert [each.name for each in tmp_path.iterdir()] == ["a.xyz"]
+
+
+@pytest.mark.parametrize("behind", ["", "\n\n", "# the end", "\n  # a\r\n#b\r\t#", "#\n" * 999])
+@pytest.mark.parametrize("size", [64, 1 << 20])
+def test_comments_behind_the_rows_that_are_counted(tmp_path, behind, size, monkeypatch):
+    monkeypatch.setattr(source_module, "CHUNK_BYTES", size)
+    path = tmp_path / "a.pts"
+    path.write_bytes(f"1\n1 2 3\n{behind}".encode())
+    assert shapes_of(convert(path, radius=1)) == [((1, 2, 3, 1),)]
+    path.write_bytes(path.read_bytes() + b"\n7")
+    line = 4 + behind.replace("\r\n", "\n").replace("\r", "\n").count("\n")
+    assert failure(path, radius=1).startswith(f"line {line}: found '7' behind 1 rows, expected no")
 
 
 def test_bytes_that_are_no_text(tmp_path):

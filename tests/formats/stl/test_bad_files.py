@@ -139,7 +139,8 @@ def test_triangles_that_are_not_finite(file, bad, form, caplog):
         file.write_bytes(text(triangles).replace(b"777.0", bad.encode()))
     said = failure(file)
     assert said.startswith("triangle 1: found ")
-    assert said.endswith("expected finite numbers")
+    most = ", up to 3.4e+38" if (form, bad) == ("text", "1e39") else ""
+    assert said.endswith(f"expected finite numbers{most}")
     assert shapes_of(convert(file, skip_invalid=True)) == expected(TRIANGLES[[0, 2, 4]])
     assert caplog.messages == [f"{file}: 2 invalid objects were dropped"]
 
