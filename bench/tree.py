@@ -173,7 +173,8 @@ def huge(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
         making = capped([*command, "--memory", "256MiB"])
         drop(store)
         start = time.perf_counter()
-        subprocess.run(["cat", *map(str, store.rglob("*.*"))], stdout=subprocess.DEVNULL)
+        files = [str(file) for file in store.rglob("*") if file.is_file()]
+        subprocess.run(["cat", *files], stdout=subprocess.DEVNULL, check=True)
         read = time.perf_counter() - start
         found = middle([rendered(store, "tree", folder) for _ in range(options.runs)])
         objects, size = bfrt.open(store).objects, bfrt.open(store).bytes
