@@ -186,7 +186,8 @@ def test_what_is_not_finite_is_refused_or_dropped(numbers, block):
     assert sink.materials == np.flatnonzero(good).tolist()  # each keeps its own color
     if not good.all():
         bad = int(np.argmin(good))
-        said = f"^points: point {bad}: found 0 .* 0 {bad}, expected finite numbers$"
+        most = ", up to 3.4e+38" if numbers[bad] == 1e39 else ""
+        said = f"^points: point {bad}: found 0 .* 0 {bad}, expected finite numbers{most}$"
         with pytest.raises(SceneError, match=said.replace("+", r"\+")):
             written(points)
 
