@@ -248,6 +248,8 @@ def interrupts():
     hook = sys.unraisablehook
     made = Interrupts()
     made.begun = True
+    for number in process.ENDINGS:  # which this process may have been started to ignore
+        signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     made.listen()
     yield made

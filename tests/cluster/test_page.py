@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
     recipe = bfrt.spd.scene(asked.name, 2)
     recipe.camera = dataclasses.replace(recipe.camera, resolution=(40, 40))
     recipe.write(tmp_path / asked.output)
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("PYTHONPATH", str(Path(bfrt.__file__).parents[1]))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

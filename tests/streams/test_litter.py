@@ -342,7 +342,7 @@ def test_an_interrupt_upon_an_interrupt_is_for_the_end(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt), atomic_path(tmp_path / "a"):
-        monkeypatch.setattr(atomic_write, "_take_back", interrupted)
+        monkeypatch.setattr(atomic_write, "remove_file", interrupted)
         raise KeyboardInterrupt
     assert len(names(tmp_path)) == 1
     litter.remove_own()
