@@ -168,7 +168,7 @@ def test_history_tells_what_two_reports_have(tmp_path, capsys):
     assert history(HISTORY, tmp_path / "history.png") == 0
     said = capsys.readouterr().out
     assert re.search(
-        r"^  2\.67  tracing      rings 36 .*2026-11-27 1\.74 s .*29 4\.65 s$", said, re.M
+        r"^  1\.65  tracing      rings 36 .*27 1\.74 s .*29 4\.65 s .*30 2\.88 s$", said, re.M
     )
     assert (tmp_path / "history.png").stat().st_size > 1000
     assert history(HISTORY[:1], None) == 1
