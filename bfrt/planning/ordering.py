@@ -20,7 +20,10 @@ def ordering_of(store: Store) -> OrderingPlan | None:
     if store.ordered:
         return None
     streams = [stream for stream in store.streams if stream.count and not stream.ordered]
-    each = [(GivenFiles.of(stream, store.origin), stream.local) for stream in streams]
+    each = [
+        (GivenFiles.of(stream.folder, stream.kind, vars(stream), store.origin), stream.local)
+        for stream in streams
+    ]
     known = [(files.layout, files.amount(local)) for files, local in each]
     traffic = [traffic_of(*stream) for stream in known]
     read = sum(part.read for part in traffic)

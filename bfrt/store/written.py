@@ -31,7 +31,6 @@ from bfrt.store.model import Vector
 from bfrt.store.ordering.files import ordered_folder, replace_folder
 from bfrt.store.ordering.given import GivenFiles
 from bfrt.store.ordering.memory import SLOWEST, check_memory, memory_of, pace_for
-from bfrt.store.ordering.objects import Layout, id_bytes_of
 from bfrt.store.ordering.order import Keeping, Ordering
 from bfrt.store.ordering.room import room_beside
 from bfrt.store.store import bounds_from
@@ -100,13 +99,7 @@ class WrittenStream:
 
     def given(self, origin: Vector) -> GivenFiles:
         """Describe the files as they were given."""
-        header, kind = self.header, self.kind
-        layout = Layout(
-            kind, header["wide"], origin, id_bytes_of(self.count), header["material_bytes"],
-            header["material"],
-        )  # fmt: skip
-        records = header["vertices"] if kind.counted else self.count
-        return GivenFiles(self.folder, layout, self.count, records, max(1, header["largest"]))
+        return GivenFiles.of(self.folder, self.kind, self.header, origin)
 
     def least_memory(self, origin: Vector) -> int:
         """Return the least budget that its ordering stays inside of, bytes."""

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bfrt.errors import ShortReadError
-from bfrt.records import OFFSET_BYTES
+from bfrt.records import OFFSET_BYTES, Kind
 from bfrt.refusals import calling, closing, refused
 from bfrt.store.model import Vector
 from bfrt.store.ordering.objects import (
@@ -23,7 +23,6 @@ from bfrt.store.ordering.objects import (
     id_bytes_of,
 )
 from bfrt.store.ordering.room import Amount, Room, room_of
-from bfrt.store.stream import Stream
 
 
 class GivenFiles(NamedTuple):
@@ -56,14 +55,23 @@ class GivenFiles(NamedTuple):
         return room_of(self.layout, self.amount(local))
 
     @classmethod
-    def of(cls, stream: Stream, origin: Vector) -> GivenFiles:
-        """Describe the files of a stream whose coordinates count from an origin."""
+    def of(cls, folder: Path, kind: Kind, facts: Mapping[str, Any], origin: Vector) -> GivenFiles:
+        """Describe the files of a stream in a folder.
+
+        Parameters
+        ----------
+        facts : mapping
+            What the store's header says of the stream.
+        origin : tuple of 3 float
+            What its coordinates count from.
+        """
+        count = facts["count"]
         layout = Layout(
-            stream.kind, stream.wide, origin, id_bytes_of(stream.count), stream.material_bytes,
-            stream.material,
+            kind, facts["wide"], origin, id_bytes_of(count), facts["material_bytes"],
+            facts["material"],
         )  # fmt: skip
-        records = stream.vertices if stream.kind.counted else stream.count
-        return cls(stream.folder, layout, stream.count, records, max(1, stream.largest))
+        records = facts["vertices"] if kind.counted else count
+        return cls(folder, layout, count, records, max(1, facts["largest"]))
 
     def blocks(self) -> Iterator[Objects]:
         """Yield all objects, in the order given."""
