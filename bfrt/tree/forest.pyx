@@ -133,17 +133,17 @@ cdef class Forest:
 
     cdef int keep_room(self, int64_t room) except -1:
         """Take memory for first nodes and sketches, of fewer nodes where there is less of it."""
-        cdef int64_t first_nodes = self.treelets * NODE_BYTES, each
+        cdef int64_t first_nodes = self.treelets * NODE_BYTES, nodes, sketch_bytes
         if self.treelets and 2 * first_nodes <= room:
             self.roots = <Node*>self.memory_of(first_nodes)
             memset(self.roots, 0, first_nodes)
             room -= first_nodes
         self.top.roots = self.roots
-        each = room // max(1, self.treelets * DRAWN_BYTES)
-        self.drawn = <int>max(<int64_t>FEWEST_DRAWN, min(each, <int64_t>MOST_DRAWN))
-        each = self.drawn * DRAWN_BYTES
-        self.sketch_room = <int32_t>min(room // each, self.treelets)
-        self.sketches = self.memory_of(max(<int64_t>1, self.sketch_room * each))
+        nodes = room // max(1, self.treelets * DRAWN_BYTES)
+        self.drawn = <int>max(<int64_t>FEWEST_DRAWN, min(nodes, <int64_t>MOST_DRAWN))
+        sketch_bytes = self.drawn * DRAWN_BYTES
+        self.sketch_room = <int32_t>min(room // sketch_bytes, self.treelets)
+        self.sketches = self.memory_of(max(<int64_t>1, self.sketch_room * sketch_bytes))
         return 0
 
     cdef int open_stream(self, TreeStream* s, stream, store) except -1:

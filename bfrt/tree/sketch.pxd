@@ -7,7 +7,8 @@ are tested against these, and the treelet's own nodes, a fifth of its bytes, are
 
 from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t
 
-from bfrt.treelets.node cimport INNER, WIDE, Node, leaf_counts, leaf_objects, objects_before
+from bfrt.records cimport NODE_BYTES
+from bfrt.treelets.node cimport INNER, WIDE, Node, leaf_objects
 
 cdef enum:
     FEWEST_DRAWN = 4    # nodes of a sketch: fewer leave too many objects below each child
@@ -20,7 +21,7 @@ cdef struct Begins:
     uint16_t of[8]
 
 cdef enum:
-    DRAWN_BYTES = 96    # of a node of a sketch, and its begins
+    DRAWN_BYTES = NODE_BYTES + 8 * 2    # of a node of a sketch, and its begins
 
 # What is below each node of a treelet, while it is drawn.
 cdef struct Below:
