@@ -255,7 +255,8 @@ def walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
     """
     entries = entries_in(folder)
     below = [entry.name for entry in entries if entry.is_dir(follow_symlinks=False)]
-    yield folder, below, [entry.name for entry in entries if entry.name not in set(below)]
+    folders = set(below)
+    yield folder, below, [entry.name for entry in entries if entry.name not in folders]
     for name in below:
         yield from walk(folder / name)
 

@@ -161,10 +161,10 @@ def preview_camera(store: Store, pixels: int, camera: Camera | None) -> Camera:
     Raises
     ------
     SettingError
-        As `Views.of`; if `pixels` is out of range.
+        As `cameras_of`; if `pixels` is out of range.
     """
     check_one(camera)
-    (view,) = Views.of(store, camera, None, 1, ()).cameras
+    (view,) = cameras_of(store, camera)
     at_least_one("pixels", pixels, MOST_PIXELS)
     longer = max(view.resolution)
     width, height = (max(1, round(side * pixels / longer)) for side in view.resolution)

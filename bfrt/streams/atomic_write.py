@@ -329,16 +329,13 @@ def _sync(path: Path, flags: int) -> None:
 
 
 def _rename(temporary: Path, target: Path) -> None:
-    try:
+    with calling(target, "renaming to it"):
         temporary.replace(target)
-    except OSError as error:
-        raise refused(target, 0, error, "renaming to it") from error
 
 
 def _swap(temporary: Path, target: Path) -> None:
     """Have a file change places with what has its name, or take the name where nothing has it."""
-    try:
-        if not mode_at(target) or not exchange(temporary, target):
-            temporary.replace(target)
-    except OSError as error:
-        raise refused(target, 0, error, "renaming to it") from error
+    with calling(target, "renaming to it"):
+        changed = mode_at(target) and exchange(temporary, target)
+    if not changed:
+        _rename(temporary, target)
